@@ -1,0 +1,1 @@
+"""Read and write the files users have; units and frames are settled here."""

@@ -1,0 +1,1 @@
+"""Segmentation networks in PyTorch, one file each."""

@@ -1,0 +1,1 @@
+"""Where the prior is in one view, and whether that can be trusted."""

@@ -1,0 +1,268 @@
+"""Frozen records handed between stages; no stage passes dicts or tuples of five."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Any
+
+import numpy as np
+
+from boltpose.arrays import BoolArray, FloatArray, IntArray, UInt8Array, as_points, freeze
+from boltpose.errors import ShapeError
+from boltpose.geometry.transforms import Transform
+
+
+class Part(IntEnum):
+    """Classes of points; the numbers are the labels in files."""
+
+    BACKGROUND = 0
+    MAIN_HOUSING = 1
+    CONNECTOR = 2
+    SOLENOID = 3
+    ELECTRICAL_CONNECTOR = 4
+    GEAR = 5
+    BOLT = 6
+
+
+class Side(StrEnum):
+    """Which way a bolt's head looks along the motor's z axis."""
+
+    TOP = "top"
+    """Out of the head is +z of frame `motor`."""
+    BOTTOM = "bottom"
+    """Out of the head is -z of frame `motor`."""
+
+
+class Visibility(StrEnum):
+    """How much of a bolt the camera saw; the pose of a hidden bolt is inferred from the prior."""
+
+    VISIBLE = "visible"
+    PARTIAL = "partial"
+    HIDDEN = "hidden"
+
+
+class Status(StrEnum):
+    """The verdict on one scan."""
+
+    OK = "ok"
+    REFUSED = "refused"
+
+
+class Check(StrEnum):
+    """What a refusal is about; stable names for logs, statistics and tests."""
+
+    TOO_FEW_POINTS = "too_few_motor_points"
+    FREE_SPACE = "free_space_violated"
+    EXPLAINED = "scan_not_explained"
+    FIT = "surfaces_differ"
+    COVERAGE = "prior_not_covered"
+    AMBIGUOUS = "ambiguous_pose"
+    UNCONSTRAINED = "pose_not_constrained"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """A point cloud as a sensor or a file delivered it, holes removed."""
+
+    points: FloatArray
+    """Shape (N, 3), float64, mm, finite; frame `camera` for a view, `prior` for a full scan."""
+    colors: UInt8Array | None = None
+    """Shape (N, 3), RGB."""
+    normals: FloatArray | None = None
+    """Shape (N, 3), as found in the file: neither normalised nor oriented by us."""
+    labels: UInt8Array | None = None
+    """Shape (N,), `Part` numbers, where the file carries them."""
+    pixels: IntArray | None = None
+    """Shape (N, 2), row and column of each point, where the file is organised."""
+    grid_shape: tuple[int, int] | None = None
+    """Rows and columns of the organised file."""
+    source: str = "memory"
+    """Where it came from, for messages and provenance."""
+
+    def __post_init__(self) -> None:
+        points = as_points(self.points, "points", at_least=0)
+        object.__setattr__(self, "points", freeze(points))
+        for name in ("colors", "normals", "labels", "pixels"):
+            array = getattr(self, name)
+            if array is None:
+                continue
+            if len(array) != len(points):
+                raise ShapeError(f"{name} must have {len(points)} rows, got {len(array)}")
+            object.__setattr__(self, name, freeze(np.asarray(array)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def subset(self, index: IntArray | BoolArray) -> Scan:
+        """Keep the points of an index or mask, all attributes with them."""
+
+        def pick(array: Any) -> Any:
+            return None if array is None else array[index]
+
+        return Scan(
+            points=self.points[index],
+            colors=pick(self.colors),
+            normals=pick(self.normals),
+            labels=pick(self.labels),
+            pixels=pick(self.pixels),
+            grid_shape=self.grid_shape,
+            source=self.source,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PriorBolt:
+    """One bolt of a motor as its full scan shows it.
+
+    Frame `bolt`: origin `head_top` (on the axis, on the top face of the head, where the tool
+    lands), +z out of the head, x and y completing a proper rotation.
+    """
+
+    id: str
+    """Unique in its prior and stable for the same scan, for example `T1`, `B2`."""
+    side: Side
+    prior_from_bolt: Transform
+    cluster_centre: FloatArray
+    """Shape (3,), mm, frame `prior`: mean of the bolt's points, the paper's position."""
+    head_diameter_mm: float
+    """Across the corners of the flank fit: 2 r of the fitted circle."""
+    point_count: int
+    class_probability: float
+    """Mean probability of class bolt over the cluster, 0 to 1."""
+    head_fit_support: float
+    """How much flank, all around, carries the axis; see `prior.head_fit`."""
+    sigma_lateral_mm: float
+    sigma_axial_mm: float
+    is_sure: bool
+    """False: a person should look at this bolt once before production."""
+    remarks: tuple[str, ...] = ()
+    """Why it is unsure, or that a person placed it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Alignment:
+    """The motor's axes found in its full scan (paper, section 3.5)."""
+
+    prior_from_motor: Transform
+    axis_spread_rad: float
+    """Robust 1 sigma of the housing normals against the plane they should lie in."""
+    axis_sigma_rad: float
+    """1 sigma of the z axis that follows from it."""
+    normal_count: int
+    """Housing normals on the Gauss-sphere plane."""
+    inlier_ratio: float
+    has_solenoid: bool
+    """False: y could not be taken from a solenoid, the roll about z is arbitrary."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Prior:
+    """What is known about a motor before it is clamped."""
+
+    name: str
+    points: FloatArray
+    """Shape (N, 3), mm, frame `prior`, thinned to about 1 mm."""
+    normals: FloatArray
+    """Shape (N, 3), unit, outward."""
+    labels: UInt8Array
+    """Shape (N,), `Part` numbers."""
+    bolts: tuple[PriorBolt, ...]
+    alignment: Alignment
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """Source file and hash, models, settings, version; JSON-ready."""
+
+    def bolt(self, bolt_id: str) -> PriorBolt:
+        """Return the bolt of that id; raises `KeyError` with the ids there are."""
+        for bolt in self.bolts:
+            if bolt.id == bolt_id:
+                return bolt
+        raise KeyError(f"no bolt '{bolt_id}', there are {[bolt.id for bolt in self.bolts]}")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Registration:
+    """The pose of a prior in a view, with what speaks for it."""
+
+    camera_from_prior: Transform
+    converged: bool
+    rms_mm: float
+    """Of the inlier point-to-plane residuals. Bounded by the pair distance: no measure of truth."""
+    inlier_ratio: float
+    """Share of the motor points that found a partner."""
+    covariance: FloatArray
+    """Shape (6, 6), of a small motion in frame `camera` about `centre_mm`: rotation vector
+    (rad) first, translation (mm) second."""
+    centre_mm: FloatArray
+    """Shape (3,), frame `camera`."""
+    runner_up_score: float
+    """Score of the best clearly different pose, on the scale of `score`."""
+    score: float
+    """Score by which poses were ranked, larger is better."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Whether a pose may be used, and every number the decision rests on."""
+
+    status: Status
+    failed: tuple[Check, ...]
+    reasons: tuple[str, ...]
+    """One sentence per failed check: what was found and what was wanted."""
+    scores: Mapping[str, float]
+    thresholds: Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LocatedBolt:
+    """One bolt in the robot's frame (`base`), or in `camera` when no hand-eye was given."""
+
+    id: str
+    side: Side
+    frame_from_bolt: Transform
+    """`base_from_bolt` or `camera_from_bolt`."""
+    visible_fraction: float
+    """Share of the head's outer surface that the camera measured, 0 to 1."""
+    visibility: Visibility
+    sigma_lateral_mm: float
+    """1 sigma beside the axis, the larger of the two directions."""
+    sigma_axial_mm: float
+    sigma_axis_rad: float
+    head_diameter_mm: float
+    is_sure: bool
+    cluster_centre: FloatArray
+    """Shape (3,), mm, same frame as the pose: the paper's position."""
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (3,), mm: `head_top`, the point on the axis at the top of the head."""
+        return self.frame_from_bolt.translation_mm
+
+    @property
+    def axis(self) -> FloatArray:
+        """Shape (3,), unit, out of the head."""
+        return self.frame_from_bolt.z_axis
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LocateResult:
+    """Every bolt of the clamped motor, or the reasons why no pose is given."""
+
+    verdict: Verdict
+    frame: str
+    """`base`, or `camera` when no hand-eye was given."""
+    bolts: tuple[LocatedBolt, ...]
+    """Empty when refused."""
+    registration: Registration | None
+    """The candidate pose, kept on refusal for diagnosis; None when not even one was found."""
+    prior_name: str
+    motor_mask: BoolArray | None = None
+    """Shape (N,), which points of the scan were taken for the motor."""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def is_ok(self) -> bool:
+        """True if the poses may be used."""
+        return self.verdict.status is Status.OK

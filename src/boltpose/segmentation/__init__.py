@@ -1,0 +1,1 @@
+"""Points to labels, by ONNX networks on full-resolution evidence."""
