@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, IntArray, as_points
 
@@ -12,7 +12,7 @@ _CHUNK = 65536
 
 
 def smallest_eigenvectors(covariances: FloatArray) -> FloatArray:
-    """Unit eigenvector of the smallest eigenvalue of symmetric matrices, shape (N, 3, 3) -> (N, 3)."""
+    """Unit eigenvectors, (N, 3), of the smallest eigenvalues of matrices, shape (N, 3, 3)."""
     return np.linalg.eigh(covariances)[1][:, :, 0]
 
 
@@ -36,7 +36,7 @@ def estimate_normals(
         Hoppe et al., SIGGRAPH 1992, section 3.1 (tangent planes only).
     """
     cloud = as_points(points, "points", at_least=3)
-    tree = cKDTree(cloud)
+    tree = KDTree(cloud)
     queries = cloud if at is None else cloud[at]
     count = min(neighbours, len(cloud))
     normals = np.zeros((len(queries), 3))
@@ -50,7 +50,7 @@ def estimate_normals(
 
 
 def orient_towards(points: FloatArray, normals: FloatArray, viewpoint: npt.ArrayLike) -> FloatArray:
-    """Flip normals so that they face a viewpoint, shape (3,); a camera saw every point of its view."""
+    """Flip normals to face a viewpoint, shape (3,): a camera saw every point of its view."""
     facing = np.einsum("ni,ni->n", normals, np.asarray(viewpoint, dtype=np.float64) - points)
     return np.where(facing[:, None] < 0, -normals, normals)
 
@@ -112,7 +112,7 @@ def orient_outward(
         votes += np.where(height > front[u, v] - depth_mm, facing * np.abs(facing), 0.0)
     decided = np.abs(votes) > 1e-3
     if decided.any() and not decided.all():
-        _, nearest = cKDTree(cloud[decided]).query(cloud[~decided], k=min(5, int(decided.sum())))
+        _, nearest = KDTree(cloud[decided]).query(cloud[~decided], k=min(5, int(decided.sum())))
         partners = (signed * np.sign(votes)[:, None])[decided][
             np.reshape(nearest, (len(nearest), -1))
         ]

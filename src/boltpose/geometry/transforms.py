@@ -12,7 +12,7 @@ from boltpose.arrays import FloatArray, freeze
 from boltpose.errors import FrameError
 
 ROTATION_TOLERANCE = 2e-3
-"""Largest accepted entry of R Rt - 1: six-decimal files pass, a scaled or sheared matrix does not."""
+"""Largest accepted entry of R Rt - 1: six-decimal files pass, scaled or sheared ones do not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
