@@ -113,8 +113,7 @@ def orient_outward(
     decided = np.abs(votes) > 1e-3
     if decided.any() and not decided.all():
         _, nearest = KDTree(cloud[decided]).query(cloud[~decided], k=min(5, int(decided.sum())))
-        partners = (signed * np.sign(votes)[:, None])[decided][
-            np.reshape(nearest, (len(nearest), -1))
-        ]
+        index = np.asarray(nearest, dtype=np.int64).reshape(int((~decided).sum()), -1)
+        partners = (signed * np.sign(votes)[:, None])[decided][index]
         votes[~decided] = np.einsum("ni,nki->n", signed[~decided], partners)
     return np.where(votes[:, None] < 0, -signed, signed)
