@@ -1,0 +1,74 @@
+# One door to the project: CI calls these targets and nothing else.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+# 3.11 first: the version CI runs. Names that exist but do not run (pyenv shims) are passed over.
+CANDIDATES := $(PYTHON) python3.11 python3.12 python3.13 python3 python python3.14
+DATA ?= data/reman18
+DEMO_OUTPUT ?= demo_output
+
+export PIP_PROGRESS_BAR := off
+export MPLBACKEND := Agg
+
+.PHONY: help setup fmt check test test-all demo evaluate bench docs clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
+
+setup: $(VENV)/.dev.stamp ## create .venv with everything development needs
+
+fmt: $(VENV)/.dev.stamp ## format the code and fix what ruff can fix
+	$(BIN)/ruff check --fix --quiet .
+	$(BIN)/ruff format --quiet .
+
+check: $(VENV)/.dev.stamp ## lint, format, types, import layers
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+# one thread per worker: two workers fill two cores, and results do not depend on threads
+test: $(VENV)/.dev.stamp ## run the tests (set-up included)
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-all: $(VENV)/.dev.stamp ## run the tests, the slow ones too
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+
+demo: $(VENV)/.core.stamp ## build the shipped motor's prior and locate its bolts in the shipped scan
+	@$(BIN)/boltpose demo -o $(DEMO_OUTPUT)
+
+evaluate: $(VENV)/.dev.stamp ## leave-one-family-out on reman18 (long); writes docs/results.md
+	$(BIN)/boltpose evaluate --data $(DATA)
+
+bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
+	$(PIP) -e ".[bench]"
+	$(BIN)/python -m benchmarks
+
+docs: $(VENV)/.dev.stamp ## write docs/results.md again from the stored results
+	$(BIN)/boltpose evaluate --report-only
+
+clean: ## remove what the targets above made, but not .venv
+	rm -rf build dist $(DEMO_OUTPUT) .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+
+# the core alone: what a robot cell installs, and all that the demo needs
+$(VENV)/.core.stamp: pyproject.toml
+	@python=""; \
+	for name in $(CANDIDATES); do \
+	  if "$$name" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; \
+	  then python="$$name"; break; fi; \
+	done; \
+	if [ -z "$$python" ]; then \
+	  echo "no Python >= 3.11 with venv found; set PYTHON=/path/to/python" >&2; exit 1; fi; \
+	if [ ! -x $(BIN)/python ]; then echo "creating $(VENV) with $$python"; "$$python" -m venv $(VENV); fi
+	@echo "installing boltpose into $(VENV)"
+	@$(PIP) -e .
+	@touch $@
+
+$(VENV)/.dev.stamp: pyproject.toml | $(VENV)/.core.stamp
+	@echo "installing the development tools into $(VENV)"
+	@$(PIP) -e ".[dev,train]"
+	@touch $@
