@@ -37,7 +37,7 @@ class HousingAxisConfig:
     radius_range_mm: tuple[float, float] = (10.0, 120.0)
     """Housing radii accepted: starters of cars and lorries, with room."""
     cylinder_tolerance_mm: float = 0.4
-    """Points this near the main cylinder refine the axis; excludes its grooves, steps and plates."""
+    """Points this near the main cylinder refine the axis; leaves out grooves, steps, plates."""
     axis_sigma_floor_rad: float = 5e-4
     """Error of the axis that the housing's surface cannot show (0.03 deg): the housing itself is
     warped. From the spread of true errors over reman18, which is simulated."""
