@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,7 +31,7 @@ class EditConfig:
     """1 sigma of a position that rests on the click alone: a careful hand on a screen."""
     nominal_diameter_mm: float = 10.0
     """Head diameter noted when no head could be fitted (M6 spanner size)."""
-    bolts: FindBoltsConfig = FindBoltsConfig()
+    bolts: FindBoltsConfig = field(default_factory=FindBoltsConfig)
 
     def __post_init__(self) -> None:
         for name in ("reach_mm", "surface_mm", "unfitted_sigma_mm", "nominal_diameter_mm"):
@@ -62,8 +62,8 @@ def add_bolt(prior: Prior, position: npt.ArrayLike, config: EditConfig | None = 
     where = ",".join(f"{value:g}" for value in click)
     if distance.min() > config.surface_mm:
         raise ConfigError(
-            f"no surface at {where}: the nearest scan point is {distance.min():.1f} mm away, wanted "
-            f"at most {config.surface_mm} mm; the position is in mm in the scan's own frame"
+            f"no surface at {where}: the nearest scan point is {distance.min():.1f} mm away, "
+            f"wanted at most {config.surface_mm} mm; is it in mm in the scan's own frame?"
         )
     bolt = _fit_at(prior, distance, config) or _place_at(prior, click, distance, config)
     for other in prior.bolts:
