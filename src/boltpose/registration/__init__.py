@@ -1,1 +1,1 @@
-"""Where the prior is in one view, and whether that can be trusted."""
+"""Prior and motor points of one view -> `camera_from_prior`, checked against what was seen."""

@@ -1,0 +1,279 @@
+"""Settings of registration, verification and visibility."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Literal
+
+from boltpose.errors import ConfigError
+
+Method = Literal["multi_start", "paper", "paper_point_to_point"]
+
+
+def _require_positive(config: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not value > 0:  # written so that NaN fails too
+            raise ConfigError(f"{name} must be > 0, got {value}")
+
+
+def _require_shares(config: object, names: tuple[str, ...]) -> None:
+    for name in names:
+        value = getattr(config, name)
+        if not 0 <= value <= 1:
+            raise ConfigError(f"{name} must lie between 0 and 1, got {value}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrepareConfig:
+    """What is computed once per prior."""
+
+    grid_cell_mm: float = 2.5
+    """Cell of the nearest-point grid of the coarse stage (FINDINGS section 1)."""
+    grid_margin_mm: float = 30.0
+    """How far the grid reaches beyond the motor; the coarse stage pairs up to this distance."""
+    coarse_voxel_mm: float = 1.5
+    """Spacing of the surface behind the grid."""
+    view_directions: int = 64
+    """Directions, evenly spread, from which the motor may be seen."""
+    view_cell_mm: float = 4.0
+    """Cell of the depth buffer that tells what a direction sees."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, tuple(f.name for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoarseConfig:
+    """Multi-start ICP: many start poses at once, the best ones go on."""
+
+    rolls: int = 15
+    """Turns about each viewing direction, evenly spread."""
+    first_points: int = 100
+    first_steps: int = 6
+    first_distance_mm: tuple[float, float] = (30.0, 12.0)
+    """Largest pair distance in the first and the last step."""
+    kept: int = 60
+    """Start poses that go on to the second round."""
+    second_points: int = 500
+    second_steps: int = 10
+    second_distance_mm: tuple[float, float] = (12.0, 3.0)
+    cluster_angle_rad: float = 0.0873
+    """Poses closer than this (5 degrees) and `cluster_shift_mm` are one candidate."""
+    cluster_shift_mm: float = 5.0
+    candidates: int = 6
+    """Distinct poses handed on."""
+    convincing_score: float = 0.75
+    """Below this the offsets are tried as well."""
+    offset_mm: float = 40.0
+    """Shift of the centroids along the six directions of the fallback: clamp points in the mask
+    pull the centroid away (31 mm in the worst case measured, FINDINGS section 1)."""
+    threads: int = 2
+    """Start poses are worked on in this many chunks at once; the result does not depend on it."""
+    seed: int = 0
+    """Of the choice of target points."""
+
+    def __post_init__(self) -> None:
+        _require_positive(
+            self,
+            (
+                "rolls",
+                "first_points",
+                "first_steps",
+                "kept",
+                "second_points",
+                "second_steps",
+                "cluster_angle_rad",
+                "cluster_shift_mm",
+                "candidates",
+                "offset_mm",
+                "threads",
+            ),
+        )
+        _require_shares(self, ("convincing_score",))
+        for name in ("first_distance_mm", "second_distance_mm"):
+            start, end = getattr(self, name)
+            if not 0 < end <= start:
+                raise ConfigError(f"{name} must fall from a positive start, got {start} to {end}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FineStep:
+    """One resolution of the fine stage."""
+
+    voxel_mm: float
+    """Scan points are thinned to this spacing."""
+    max_distance_mm: float
+    """Pairs farther apart than this are ignored."""
+    kernel_mm: float
+    """Scale of the Tukey kernel: residuals beyond 4.685 times it count nothing."""
+    iterations: int = 10
+
+    def __post_init__(self) -> None:
+        _require_positive(self, tuple(f.name for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FineConfig:
+    """Point-to-plane refinement, scan to prior."""
+
+    steps: tuple[FineStep, ...] = (
+        FineStep(voxel_mm=2.0, max_distance_mm=3.0, kernel_mm=0.5),
+        FineStep(voxel_mm=1.0, max_distance_mm=1.0, kernel_mm=0.3),
+    )
+    converged_shift_mm: float = 0.002
+    """A step that moves no point of the motor by more than this ends a resolution."""
+    correlation_length_mm: float = 6.0
+    """Residuals closer than this are one measurement, not many: ripple, warp and crust are
+    correlated over millimetres, so the formal covariance of ICP is far too small."""
+    depth_sigma_mm: float = 0.12
+    """Floor of the translation error along the viewing direction: scale error and ripple of the
+    camera move the whole motor and leave no residual (FINDINGS, "Fine stage": up to 0.2 mm)."""
+    lateral_sigma_mm: float = 0.03
+    """The same across the viewing direction."""
+    rotation_sigma_rad: float = 0.0003
+    """Floor of the rotation error about each axis, 0.017 degrees."""
+
+    def __post_init__(self) -> None:
+        if not self.steps:
+            raise ConfigError("steps must name at least one resolution, got none")
+        _require_positive(
+            self,
+            (
+                "converged_shift_mm",
+                "correlation_length_mm",
+                "depth_sigma_mm",
+                "lateral_sigma_mm",
+                "rotation_sigma_rad",
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneConfig:
+    """The depth buffer of a whole scan."""
+
+    cell_rad: float = 0.004
+    """Angular size of a cell; 2.8 mm at 700 mm."""
+    max_points: int = 300_000
+    """Larger scans are thinned by a stride first."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, tuple(f.name for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegistrationConfig:
+    """Everything that turns motor points into candidate poses."""
+
+    method: Method = "multi_start"
+    """`multi_start` (default), or the paper's FPFH + FGR + ICP, point-to-plane or -point."""
+    min_points: int = 300
+    """Fewer motor points (on 2 mm voxels) are not registered at all."""
+    max_points: int = 300_000
+    """Larger inputs are thinned by a stride first."""
+    ranking_points: int = 2000
+    """Motor points that rank the coarse candidates."""
+    ranking_steps: int = 6
+    """Point-to-plane steps on those points before ranking."""
+    ranking_tolerance_mm: float = 1.0
+    """A point's agreement falls to 0 at this plane residual."""
+    violation_weight: float = 5.0
+    """How much of the score one unit of free-space violation costs. Right poses violate up to
+    0.0035, wrong ones from 0.029 (FINDINGS section 1): a wrong pose loses at least 0.15."""
+    refined_candidates: int = 3
+    """At most so many candidates go through the fine stage."""
+    refined_margin: float = 0.15
+    """Candidates whose score is this much below the best are not refined."""
+    coarse: CoarseConfig = field(default_factory=CoarseConfig)
+    fine: FineConfig = field(default_factory=FineConfig)
+
+    def __post_init__(self) -> None:
+        _require_positive(
+            self,
+            (
+                "min_points",
+                "max_points",
+                "ranking_points",
+                "ranking_steps",
+                "ranking_tolerance_mm",
+                "violation_weight",
+                "refined_candidates",
+                "refined_margin",
+            ),
+        )
+        if self.method not in ("multi_start", "paper", "paper_point_to_point"):
+            raise ConfigError(
+                f"method must be multi_start, paper or paper_point_to_point, got {self.method!r}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VisibilityConfig:
+    """When a bolt counts as seen."""
+
+    tolerance_mm: float = 0.7
+    """A point of the head is seen if the scan has a point this near, as in reman18."""
+    min_points: int = 30
+    """Scan points on the head below this make no bolt visible, as in reman18."""
+    visible_share: float = 0.25
+    """From this share on a bolt is `visible`. A head seen from straight above shows about 0.6."""
+    partial_share: float = 0.10
+    """From this share on a bolt is `partial`, below it `hidden`; reman18 draws the same line."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, ("tolerance_mm", "min_points"))
+        _require_shares(self, ("visible_share", "partial_share"))
+        if self.partial_share > self.visible_share:
+            raise ConfigError(
+                f"partial_share must not exceed visible_share, "
+                f"got {self.partial_share} > {self.visible_share}"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvidenceConfig:
+    """How the numbers behind the verdict are measured."""
+
+    free_space_mm: float = 3.0
+    """Depth difference beyond which the camera saw through or past a surface (FINDINGS section 1,
+    "Verification")."""
+    explained_mm: float = 1.5
+    """A motor point this near to the posed prior is explained by it."""
+    tight_mm: float = 0.35
+    """An explained point with a smaller plane residual lies on the surface: about four times the
+    0.05-0.12 mm error of a reman18 pixel."""
+    sample_points: int = 20_000
+    """Motor points looked at, by stride."""
+
+    def __post_init__(self) -> None:
+        _require_positive(self, tuple(f.name for f in fields(self)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerifyConfig:
+    """Thresholds of the verdict."""
+
+    min_motor_points: int = 300
+    """On 2 mm voxels."""
+    max_free_space_violation: float = 0.01
+    min_explained: float = 0.7
+    min_tight: float = 0.9
+    min_coverage: float = 0.87
+    min_judged_points: int = 1000
+    min_margin: float = 0.03
+    max_bolt_sigma_mm: float = 0.5
+    evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+
+    def __post_init__(self) -> None:
+        _require_positive(self, ("min_motor_points", "min_judged_points", "max_bolt_sigma_mm"))
+        _require_shares(
+            self,
+            (
+                "max_free_space_violation",
+                "min_explained",
+                "min_tight",
+                "min_coverage",
+                "min_margin",
+            ),
+        )

@@ -1,0 +1,195 @@
+"""Prior and motor points of one view -> ranked candidate poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from boltpose.arrays import FloatArray, as_points
+from boltpose.errors import DegenerateGeometryError
+from boltpose.geometry.sampling import voxel_downsample
+from boltpose.geometry.transforms import Transform, rotation_angle_rad
+from boltpose.registration.batch import PoseBatch, score_batch, step_batch
+from boltpose.registration.coarse import register_coarsely
+from boltpose.registration.config import RegistrationConfig
+from boltpose.registration.icp import FineResult, refine_pose
+from boltpose.registration.prepare import PreparedPrior
+from boltpose.registration.scene import Scene, free_space_violation, judge_surface
+from boltpose.schema import Registration
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RegistrationResult:
+    """Every distinct pose worth a look, best first, or why there is none."""
+
+    candidates: tuple[Registration, ...]
+    """Refined, mutually different, best first; empty when registration was not possible."""
+    message: str
+    """One sentence on what happened."""
+    motor_point_count: int
+    """Motor points given, on 2 mm voxels."""
+    used_offsets: bool
+    """True if shifted start poses were needed."""
+
+    @property
+    def best(self) -> Registration | None:
+        """The best candidate; None if there is none. Not a verdict: see `verify`."""
+        return self.candidates[0] if self.candidates else None
+
+
+def register(
+    prepared: PreparedPrior,
+    motor_points_camera: npt.ArrayLike,
+    config: RegistrationConfig | None = None,
+    *,
+    scene: Scene | None = None,
+) -> RegistrationResult:
+    """Find the pose of a prior in a view, and the best clearly different ones.
+
+    Args:
+        prepared: The prior.
+        motor_points_camera: Shape (N, 3), mm, frame `camera`: points taken for the motor; a fifth
+            of them may belong to the clamp, a third of the motor may be missing.
+        config: Settings.
+        scene: The whole scan. If given, poses the camera saw through rank lower.
+
+    Returns:
+        The candidates. Nothing found is a result with a message, no exception; whether the best
+        candidate may be used is for `verify` to say.
+
+    Raises:
+        ShapeError: `motor_points_camera` is not (N, 3) and finite.
+        MissingExtraError: `config.method` needs Open3D and it is not installed.
+    """
+    config = config or RegistrationConfig()
+    points = as_points(motor_points_camera, "motor_points_camera", at_least=0)
+    points = points[:: max(1, -(-len(points) // config.max_points))]
+    thinned = voxel_downsample(points, 2.0) if len(points) else points
+    if len(thinned) < config.min_points:
+        return RegistrationResult(
+            candidates=(),
+            message=f"{len(thinned)} motor points on 2 mm voxels, wanted {config.min_points}",
+            motor_point_count=len(thinned),
+            used_offsets=False,
+        )
+    coarse = register_coarsely(prepared, thinned, config.coarse)
+    order = np.random.default_rng(config.coarse.seed).permutation(len(thinned))
+    sample = thinned[order[: config.ranking_points]]
+    candidates = _refine_candidates(prepared, points, sample, coarse.poses, config, scene)
+    return RegistrationResult(
+        candidates=candidates,
+        message=f"{len(candidates)} candidates" if candidates else "no pose fits the motor points",
+        motor_point_count=len(thinned),
+        used_offsets=coarse.used_offsets,
+    )
+
+
+def rank_pose(
+    camera_from_prior: Transform,
+    sample_camera: FloatArray,
+    prepared: PreparedPrior,
+    config: RegistrationConfig,
+    scene: Scene | None,
+) -> float:
+    """Score of a pose, at most 1: agreement of a sample of motor points less free-space violation.
+
+    Args:
+        camera_from_prior: The pose.
+        sample_camera: Shape (N, 3), mm, frame `camera`: motor points, evenly spread.
+        prepared: The prior.
+        config: Settings.
+        scene: The whole scan; without it only the agreement counts.
+
+    Returns:
+        The score, larger is better.
+    """
+    inverse = camera_from_prior.inverse()
+    pose = PoseBatch(inverse.rotation[None], inverse.translation_mm[None])
+    agreement = score_batch(
+        pose, sample_camera.astype(np.float32), prepared, config.ranking_tolerance_mm
+    )
+    if scene is None:
+        return float(agreement[0])
+    standing = judge_surface(scene, camera_from_prior, prepared, tolerance_mm=3.0)
+    return float(agreement[0]) - config.violation_weight * free_space_violation(standing)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Candidate:
+    pose: Transform
+    score: float
+    fine: FineResult | None
+
+
+def _refine_candidates(
+    prepared: PreparedPrior,
+    points: FloatArray,
+    sample: FloatArray,
+    poses: PoseBatch,
+    config: RegistrationConfig,
+    scene: Scene | None,
+) -> tuple[Registration, ...]:
+    sample32 = sample.astype(np.float32)
+    for distance in np.geomspace(3.0, 1.5, config.ranking_steps):
+        poses = step_batch(poses, sample32, prepared, float(distance))
+    ranked = [
+        _Candidate(pose, rank_pose(pose, sample, prepared, config, scene), None)
+        for pose in poses.transforms()
+    ]
+    ranked.sort(key=lambda candidate: -candidate.score)
+    worth = [c for c in ranked if c.score >= ranked[0].score - config.refined_margin]
+    refined = [
+        _refine(candidate, prepared, points, sample, config, scene)
+        for candidate in worth[: config.refined_candidates]
+    ]
+    everything = refined + ranked[len(refined) :]
+    everything.sort(key=lambda candidate: (candidate.fine is None, -candidate.score))
+    distinct: list[_Candidate] = []
+    for candidate in everything:
+        if not any(_is_same_pose(candidate, kept, prepared, config) for kept in distinct):
+            distinct.append(candidate)
+    return tuple(
+        Registration(
+            camera_from_prior=candidate.pose,
+            converged=candidate.fine.converged,
+            rms_mm=candidate.fine.rms_mm,
+            inlier_ratio=candidate.fine.inlier_ratio,
+            covariance=candidate.fine.covariance,
+            centre_mm=candidate.fine.centre_mm,
+            score=candidate.score,
+            # 0 is what a pose scores that explains nothing
+            runner_up_score=max([0.0, *(c.score for c in distinct if c is not candidate)]),
+        )
+        for candidate in distinct
+        if candidate.fine is not None
+    )
+
+
+def _refine(
+    candidate: _Candidate,
+    prepared: PreparedPrior,
+    points: FloatArray,
+    sample: FloatArray,
+    config: RegistrationConfig,
+    scene: Scene | None,
+) -> _Candidate:
+    """Refine; a candidate without a single near scan point stays as it is."""
+    try:
+        fine = refine_pose(candidate.pose, points, prepared, config.fine)
+    except DegenerateGeometryError:
+        return candidate
+    score = rank_pose(fine.camera_from_prior, sample, prepared, config, scene)
+    return _Candidate(fine.camera_from_prior, score, fine)
+
+
+def _is_same_pose(
+    first: _Candidate, second: _Candidate, prepared: PreparedPrior, config: RegistrationConfig
+) -> bool:
+    turn = rotation_angle_rad(first.pose.rotation.T @ second.pose.rotation)
+    shift = first.pose.apply(prepared.centre_mm) - second.pose.apply(prepared.centre_mm)
+    return bool(
+        turn < config.coarse.cluster_angle_rad
+        and np.linalg.norm(shift) < config.coarse.cluster_shift_mm
+    )

@@ -1,0 +1,157 @@
+"""What the camera saw, as a depth buffer, and how a posed surface stands against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from boltpose.arrays import BoolArray, FloatArray, IntArray, as_points, freeze
+from boltpose.geometry.transforms import Transform
+from boltpose.registration.config import SceneConfig
+from boltpose.registration.prepare import PreparedPrior
+
+
+class Standing(IntEnum):
+    """How a point of a posed prior stands against the measured depth."""
+
+    NOT_FACING = 0
+    """Turned away from the camera, or behind other parts of the motor."""
+    UNMEASURED = 1
+    """The camera measured nothing in that direction."""
+    OCCLUDED = 2
+    """Something was measured clearly in front of it."""
+    CONFIRMED = 3
+    """The measured surface is where the point is."""
+    VIOLATING = 4
+    """The camera saw through it: the measured surface lies clearly behind."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Scene:
+    """A whole scan, thinned, with the nearest and farthest depth per direction."""
+
+    points: FloatArray
+    """Shape (N, 3), mm, frame `camera`."""
+    cell_rad: float
+    """Size of a cell in x / z and y / z."""
+    origin_cell: IntArray
+    """Shape (2,): cell number of the buffer's first row and column."""
+    nearest_mm: FloatArray
+    """Shape (U, V): smallest z in the cell, infinite where nothing was measured."""
+    farthest_mm: FloatArray
+    """Shape (U, V): largest z in the cell, minus infinity where nothing was measured."""
+
+    def cells(self, points_camera: FloatArray) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return row, column and whether the buffer covers them, shape (N,) each."""
+        depth = np.where(points_camera[:, 2] > 0, points_camera[:, 2], np.inf)
+        cell = np.floor(points_camera[:, :2] / depth[:, None] / self.cell_rad)
+        row, column = (cell - self.origin_cell).astype(np.int64).T
+        rows, columns = self.nearest_mm.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        inside &= points_camera[:, 2] > 0
+        return np.where(inside, row, 0), np.where(inside, column, 0), inside
+
+
+def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None) -> Scene:
+    """Sort a scan, organised or not, into a depth buffer.
+
+    Args:
+        points_camera: Shape (N, 3), mm, frame `camera`; points behind the camera are dropped.
+        config: Settings.
+
+    Returns:
+        The scene. No point in front of the camera leaves an empty buffer.
+
+    Raises:
+        ShapeError: `points_camera` is not (N, 3) and finite.
+    """
+    config = config or SceneConfig()
+    cloud = as_points(points_camera, "points_camera", at_least=0)
+    cloud = cloud[:: max(1, -(-len(cloud) // config.max_points))]
+    # 72 degrees to each side: beyond it z is no depth any more, and one stray point would blow
+    # up the buffer
+    ahead = (cloud[:, 2] > 0) & (np.abs(cloud[:, :2]).max(axis=1, initial=0.0) < 3 * cloud[:, 2])
+    cloud = cloud[ahead]
+    cell = np.floor(cloud[:, :2] / cloud[:, 2:] / config.cell_rad).astype(np.int64)
+    if len(cell):
+        origin = cell.min(axis=0) - 1
+        shape = cell.max(axis=0) - origin + 2
+    else:
+        origin, shape = np.zeros(2, dtype=np.int64), np.array([1, 1])
+    flat = (cell - origin) @ np.array([shape[1], 1])
+    nearest = np.full(int(shape.prod()), np.inf)
+    farthest = np.full(int(shape.prod()), -np.inf)
+    order = np.argsort(cloud[:, 2], kind="stable")
+    farthest[flat[order]] = cloud[order, 2]
+    nearest[flat[order[::-1]]] = cloud[order[::-1], 2]
+    return Scene(
+        points=freeze(cloud),
+        cell_rad=config.cell_rad,
+        origin_cell=freeze(origin),
+        nearest_mm=freeze(nearest.reshape(shape)),
+        farthest_mm=freeze(farthest.reshape(shape)),
+    )
+
+
+def judge_surface(
+    scene: Scene,
+    camera_from_prior: Transform,
+    prepared: PreparedPrior,
+    *,
+    tolerance_mm: float,
+    min_facing: float = 0.2,
+) -> IntArray:
+    """Tell for every coarse point of a posed prior how it stands against the scan.
+
+    The neighbouring cells are asked too, in favour of the pose: a point is VIOLATING only if no
+    neighbour saw anything as near, OCCLUDED only if none saw anything as far.
+
+    Args:
+        scene: What the camera saw.
+        camera_from_prior: The pose to judge.
+        prepared: The prior; its coarse points (1.5 mm) are judged.
+        tolerance_mm: Depth difference that counts as agreement.
+        min_facing: Cosine of the steepest incidence looked at.
+
+    Returns:
+        Shape (M,), `Standing` numbers.
+    """
+    points = camera_from_prior.apply(prepared.coarse_points)
+    normals = camera_from_prior.rotate(prepared.coarse_normals)
+    cosine = -np.einsum("ni,ni->n", points, normals) / np.linalg.norm(points, axis=1)
+    row, column, inside = scene.cells(points)
+    depth = points[:, 2]
+    facing = cosine > min_facing
+    standing = np.full(len(points), int(Standing.NOT_FACING), dtype=np.int64)
+    standing[facing] = Standing.UNMEASURED
+    facing &= inside
+    own = np.full(scene.nearest_mm.shape, np.inf)
+    in_view = np.flatnonzero(inside & (cosine > 0))
+    order = in_view[np.argsort(-depth[in_view], kind="stable")]
+    own[row[order], column[order]] = depth[order]
+    own_front = minimum_filter(own, size=3, mode="constant", cval=np.inf)
+    # across a neighbouring cell the depth of a slanted surface changes by its slope
+    slope = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, min_facing)
+    allowance = tolerance_mm + 1.5 * scene.cell_rad * depth * slope
+    behind_own = depth > own_front[row, column] + allowance
+    near = minimum_filter(scene.nearest_mm, size=3, mode="constant", cval=np.inf)
+    far = maximum_filter(scene.farthest_mm, size=3, mode="constant", cval=-np.inf)
+    measured = np.isfinite(scene.nearest_mm[row, column])
+    seen_near, seen_far = near[row, column], far[row, column]
+    standing[facing & behind_own] = Standing.NOT_FACING
+    judged = facing & ~behind_own & measured
+    standing[judged] = Standing.CONFIRMED
+    standing[judged & (depth > seen_far + tolerance_mm)] = Standing.OCCLUDED
+    standing[judged & (depth < seen_near - tolerance_mm)] = Standing.VIOLATING
+    return standing
+
+
+def free_space_violation(standing: IntArray) -> float:
+    """Share, 0 to 1, of the judged surface that the camera saw through; 0 if nothing is judged."""
+    violating = int(np.sum(standing == Standing.VIOLATING))
+    confirmed = int(np.sum(standing == Standing.CONFIRMED))
+    return violating / max(violating + confirmed, 1)

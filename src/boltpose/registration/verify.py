@@ -1,0 +1,142 @@
+"""Whether a pose may be used: every check, every number, every reason."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from boltpose.arrays import as_points
+from boltpose.registration.config import VerifyConfig
+from boltpose.registration.evidence import Evidence, gather_evidence
+from boltpose.registration.prepare import PreparedPrior
+from boltpose.registration.scene import Scene
+from boltpose.schema import Check, Registration, Status, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class _Rule:
+    check: Check
+    name: str
+    found: float
+    wanted: float
+    is_met: bool
+    sentence: str
+
+
+def verify(
+    registration: Registration | None,
+    prepared: PreparedPrior,
+    scene: Scene,
+    motor_points: npt.ArrayLike,
+    config: VerifyConfig | None = None,
+) -> Verdict:
+    """Check a pose against what the camera saw.
+
+    Args:
+        registration: The pose, or None if registration found none.
+        prepared: The prior.
+        scene: The whole scan.
+        motor_points: Shape (N, 3), mm, frame `camera`: what was taken for the motor *before* any
+            relabelling by this pose, or else they agree with it by construction.
+        config: Thresholds.
+
+    Returns:
+        `ok` if every check is met, otherwise `refused` with one sentence per failed check.
+
+    Raises:
+        ShapeError: `motor_points` is not (N, 3) and finite.
+    """
+    config = config or VerifyConfig()
+    points = as_points(motor_points, "motor_points", at_least=0)
+    if registration is None:
+        return _verdict(
+            [
+                _Rule(
+                    Check.TOO_FEW_POINTS,
+                    "motor_points",
+                    float(len(points)),
+                    float(config.min_motor_points),
+                    False,
+                    f"no pose was found for {len(points)} motor points",
+                )
+            ]
+        )
+    evidence = gather_evidence(registration, prepared, scene, points, config.evidence)
+    return _verdict(_rules(evidence, config))
+
+
+def _rules(evidence: Evidence, config: VerifyConfig) -> list[_Rule]:
+    def at_least(check: Check, name: str, wanted: float, text: str) -> _Rule:
+        found = float(getattr(evidence, name))
+        sentence = f"{text}: {found:.3g}, wanted at least {wanted:.3g}"
+        return _Rule(check, name, found, float(wanted), bool(found >= wanted), sentence)
+
+    def at_most(check: Check, name: str, wanted: float, text: str) -> _Rule:
+        found = float(getattr(evidence, name))
+        sentence = f"{text}: {found:.3g}, wanted at most {wanted:.3g}"
+        return _Rule(check, name, found, float(wanted), bool(found <= wanted), sentence)
+
+    return [
+        at_least(
+            Check.TOO_FEW_POINTS,
+            "motor_points",
+            config.min_motor_points,
+            "motor points on 2 mm voxels",
+        ),
+        at_most(
+            Check.FREE_SPACE,
+            "free_space_violation",
+            config.max_free_space_violation,
+            "share of the motor's surface the camera saw through",
+        ),
+        at_least(
+            Check.EXPLAINED,
+            "explained",
+            config.min_explained,
+            "share of the motor points that lie on the prior",
+        ),
+        at_least(
+            Check.FIT,
+            "tight",
+            config.min_tight,
+            "share of these that lie on it within the measuring error",
+        ),
+        at_least(
+            Check.COVERAGE,
+            "coverage",
+            config.min_coverage,
+            "share of the prior's surface in free view that was measured there",
+        ),
+        at_least(
+            Check.COVERAGE,
+            "judged_points",
+            config.min_judged_points,
+            "prior points (1.5 mm) in free view",
+        ),
+        at_least(
+            Check.AMBIGUOUS,
+            "margin",
+            config.min_margin,
+            "score ahead of the best different pose",
+        ),
+        at_most(
+            Check.UNCONSTRAINED,
+            "bolt_sigma_mm",
+            config.max_bolt_sigma_mm,
+            "largest 1 sigma of a bolt's position in mm",
+        ),
+        at_least(Check.UNCONSTRAINED, "converged", 1.0, "refinement converged (1) or not (0)"),
+    ]
+
+
+def _verdict(rules: list[_Rule]) -> Verdict:
+    failed = [rule for rule in rules if not rule.is_met]
+    return Verdict(
+        status=Status.REFUSED if failed else Status.OK,
+        failed=tuple(dict.fromkeys(rule.check for rule in failed)),
+        reasons=tuple(rule.sentence for rule in failed),
+        scores={rule.name: rule.found for rule in rules if np.isfinite(rule.found)},
+        thresholds={rule.name: rule.wanted for rule in rules},
+    )

@@ -1,0 +1,113 @@
+"""How much of each bolt's head the camera measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import KDTree
+
+from boltpose.arrays import FloatArray, as_points
+from boltpose.geometry.transforms import Transform
+from boltpose.registration.config import VisibilityConfig
+from boltpose.registration.prepare import PreparedPrior
+from boltpose.schema import Part, PriorBolt, Visibility
+
+_REACH_DIAMETERS = 0.85
+"""Labelled points this many head diameters around the axis are the head: a flange reaches 0.68
+of the spanner size, and bolts stand farther apart."""
+_DEPTH_DIAMETERS = 0.9
+"""The same along the axis, below the top: socket heads are 0.62 diameters high."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoltSight:
+    """What was seen of one bolt."""
+
+    bolt_id: str
+    visible_fraction: float
+    """Share of the head's surface, as the prior has it, with a scan point near; 0 to 1."""
+    scan_points: int
+    """Scan points on the head."""
+    visibility: Visibility
+
+
+def see_bolts(
+    prepared: PreparedPrior,
+    camera_from_prior: Transform,
+    scan_points: npt.ArrayLike,
+    config: VisibilityConfig | None = None,
+) -> tuple[BoltSight, ...]:
+    """Measure how much of every bolt's head the scan holds.
+
+    Args:
+        prepared: The prior.
+        camera_from_prior: Its verified pose.
+        scan_points: Shape (N, 3), mm, frame `camera`: the whole scan in full resolution.
+        config: Settings.
+
+    Returns:
+        One record per bolt, in the prior's order.
+
+    Raises:
+        ShapeError: `scan_points` is not (N, 3) and finite.
+    """
+    config = config or VisibilityConfig()
+    points = camera_from_prior.inverse().apply(as_points(scan_points, "scan_points", at_least=0))
+    return tuple(
+        _see_bolt(bolt, head_surface(prepared, bolt), points, config)
+        for bolt in prepared.prior.bolts
+    )
+
+
+def classify_visibility(fraction: float, scan_points: int, config: VisibilityConfig) -> Visibility:
+    """Name what a fraction and a number of scan points on the head amount to."""
+    if fraction < config.partial_share or scan_points < config.min_points:
+        return Visibility.HIDDEN
+    return Visibility.VISIBLE if fraction >= config.visible_share else Visibility.PARTIAL
+
+
+def head_surface(prepared: PreparedPrior, bolt: PriorBolt) -> FloatArray:
+    """Return the prior's points on a bolt's head, shape (H, 3), mm, frame `prior`.
+
+    Where the labels leave fewer than ten, as for a bolt placed by hand, all points within the
+    head's cylinder are taken.
+    """
+    reach = _REACH_DIAMETERS * bolt.head_diameter_mm
+    depth = _DEPTH_DIAMETERS * bolt.head_diameter_mm
+    rows = np.array(
+        prepared.tree.query_ball_point(
+            bolt.prior_from_bolt.translation_mm, float(np.hypot(reach, depth))
+        ),
+        dtype=np.int64,
+    )
+    rows.sort()
+    local = bolt.prior_from_bolt.inverse().apply(prepared.points[rows])
+    from_axis = np.hypot(local[:, 0], local[:, 1])
+    inside = (local[:, 2] > -depth) & (local[:, 2] < 1.5)
+    labelled = inside & (from_axis < reach) & (prepared.prior.labels[rows] == Part.BOLT)
+    if labelled.sum() < 10:
+        labelled = inside & (from_axis < 0.5 * bolt.head_diameter_mm + 0.5)
+    return prepared.points[rows[labelled]]
+
+
+def _see_bolt(
+    bolt: PriorBolt, head: FloatArray, scan: FloatArray, config: VisibilityConfig
+) -> BoltSight:
+    fraction, count = 0.0, 0
+    if len(head):
+        low = head.min(axis=0) - config.tolerance_mm
+        high = head.max(axis=0) + config.tolerance_mm
+        near = scan[((scan >= low) & (scan <= high)).all(axis=1)]
+        if len(near):
+            distance, _ = KDTree(near).query(head, distance_upper_bound=config.tolerance_mm)
+            fraction = float(np.isfinite(distance).mean())
+            back, _ = KDTree(head).query(near, distance_upper_bound=config.tolerance_mm)
+            count = int(np.isfinite(back).sum())
+    return BoltSight(
+        bolt_id=bolt.id,
+        visible_fraction=fraction,
+        scan_points=count,
+        visibility=classify_visibility(fraction, count, config),
+    )
