@@ -87,7 +87,9 @@ def close_hole(
     clamp = pixels[~is_motor]
     depth[clamp[:, 0], clamp[:, 1]] = scan.points[~is_motor, 2]
     known[clamp[:, 0], clamp[:, 1]] = True
-    nearest = np.asarray(distance_transform_edt(~known, False, True))
+    nearest = np.asarray(
+        distance_transform_edt(~known, return_distances=False, return_indices=True)
+    )
     filled = uniform_filter(depth[nearest[0], nearest[1]], size=25)
     motor = pixels[is_motor]
     points = np.array(scan.points)

@@ -5,10 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Generic
-
-import numpy as np
 
 from boltpose.errors import BoltposeError
 from boltpose.evaluation.bolts import BoltMatching, match_bolts
@@ -16,7 +13,6 @@ from boltpose.evaluation.fingerprint import describe_environment
 from boltpose.evaluation.negatives import CROPS, Case, list_cases, make_scan
 from boltpose.evaluation.pipeline import CallClock, Models, Pipeline
 from boltpose.evaluation.poses import PoseRecord, compare_with_truth, measure_pose_error
-from boltpose.evaluation.reman18 import TrueMotor, TrueView
 from boltpose.evaluation.records import (
     FORMAT,
     CallTime,
@@ -26,6 +22,7 @@ from boltpose.evaluation.records import (
     PriorRecord,
     ViewRecord,
 )
+from boltpose.evaluation.reman18 import TrueMotor, TrueView
 from boltpose.geometry.transforms import Transform, angle_between_rad
 from boltpose.schema import LocateResult, Prior, Scan, Status
 
@@ -77,7 +74,9 @@ class MotorEvaluation(Generic[Models]):
         peak_memory_mb = peak_memory()
         cases: list[CaseRecord] = []
         if with_negatives and prior is not None:
-            for case in list_cases(self._motor, list(self._motors.values())):
+            wanted = list_cases(self._motor, list(self._motors.values()))
+            # by family: networks are loaded once for all scenes of one
+            for case in sorted(wanted, key=lambda case: case.scene_family):
                 if views is None or case.view in views:
                     cases.append(self._evaluate_case(case, prior))
         return MotorRecord(

@@ -27,6 +27,9 @@ LATERAL_LIMIT = math.sqrt(5.991464547107979)
 AXIAL_LIMIT = 1.959963984540054
 """The same in one dimension."""
 
+POSITION_LIMIT = math.sqrt(7.814727903251179)
+"""The same in three dimensions."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PoseError:
@@ -76,6 +79,13 @@ class LocatedBoltRecord:
     def is_lateral_covered(self) -> bool:
         """True if the stated 95 % circle about the found point holds the true axis."""
         return self.error.lateral_mm <= LATERAL_LIMIT * self.sigma_lateral_mm
+
+    @property
+    def is_position_covered(self) -> bool:
+        """True if the stated 95 % ellipsoid holds the true `head_top`."""
+        lateral = self.error.lateral_mm / self.sigma_lateral_mm
+        axial = self.error.axial_mm / self.sigma_axial_mm
+        return math.hypot(lateral, axial) <= POSITION_LIMIT
 
     @property
     def is_axial_covered(self) -> bool:

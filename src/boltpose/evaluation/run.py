@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -18,9 +18,12 @@ from boltpose.evaluation.codec import decode, encode
 from boltpose.evaluation.fingerprint import fingerprint
 from boltpose.evaluation.motor import MotorEvaluation
 from boltpose.evaluation.pipeline import Pipeline
+from boltpose.evaluation.product import boltpose_pipeline
 from boltpose.evaluation.records import FORMAT, MotorRecord
 from boltpose.evaluation.reman18 import list_motors, read_motor
 from boltpose.io.atomic import write_atomic
+
+Item = TypeVar("Item")
 
 LEAVE_OUT = "leave_family_out"
 """Folder of the networks below `models_dir`, one folder per family that they have not seen."""
@@ -35,7 +38,7 @@ def evaluate(
     views: Sequence[int] | None = None,
     resume: bool = True,
     with_negatives: bool = True,
-    pipeline: Pipeline[Any],
+    pipeline: Pipeline[Any] | None = None,
     console: Console | None = None,
 ) -> tuple[MotorRecord, ...]:
     """Build each motor's prior, locate it in its views, and try the must-be-refused set.
@@ -50,7 +53,7 @@ def evaluate(
         views: Which views; None for all. Records of some views are told apart from full ones.
         resume: Keep records in `out` that the same source, networks and request made.
         with_negatives: Whether to run the must-be-refused set.
-        pipeline: What is evaluated; `boltpose_pipeline()` for the real one.
+        pipeline: What is evaluated; None for `boltpose_pipeline()`, the one users call.
         console: Where progress is shown; None for nowhere.
 
     Returns:
@@ -60,6 +63,7 @@ def evaluate(
         ConfigError: A motor or view is not in the data set.
         InputFileError: A file of the data set or a family's networks are missing.
     """
+    chain = boltpose_pipeline() if pipeline is None else pipeline
     root, folder, target = Path(data), _leave_out_folder(Path(models_dir)), Path(out)
     truth = {name: read_motor(root, name) for name in list_motors(root)}
     chosen = _choose(motors, list(truth), "motor")
@@ -72,7 +76,7 @@ def evaluate(
     # two sets of networks at once: the motor's own and that of a foreign scene
     @lru_cache(maxsize=2)
     def models_of(family: str) -> Any:
-        return pipeline.load_models(_family_folder(folder, family))
+        return chain.load_models(_family_folder(folder, family))
 
     records: list[MotorRecord] = []
     with threadpool_limits(limits=1, user_api="blas"), _progress(console, len(chosen)) as step:
@@ -81,7 +85,7 @@ def evaluate(
             record = _read_if_current(path, mark) if resume else None
             if record is None:
                 evaluation = MotorEvaluation(
-                    pipeline, models_of, truth[name], truth, lambda text, n=name: step(n, text)
+                    chain, models_of, truth[name], truth, lambda text, n=name: step(n, text)
                 )
                 record = evaluation.run(mark, views=chosen_views, with_negatives=with_negatives)
                 write_record(path, record)
@@ -137,7 +141,7 @@ def _read_if_current(path: Path, mark: str) -> MotorRecord | None:
     return record if record.fingerprint == mark else None
 
 
-def _choose[T](asked: Sequence[T] | None, known: list[T], what: str) -> list[T]:
+def _choose(asked: Sequence[Item] | None, known: list[Item], what: str) -> list[Item]:
     if asked is None:
         return known
     unknown = [item for item in asked if item not in known]
@@ -159,7 +163,7 @@ def _family_folder(folder: Path, family: str) -> Path:
 
 
 @contextmanager
-def _progress(console: Console | None, total: int) -> Iterator[Callable[[str, str | None], None]]:
+def _progress(console: Console | None, total: int) -> Generator[Callable[[str, str | None], None]]:
     """Yield a function to call with a motor and its step; None as step: the motor is done."""
     if console is None:
         yield lambda _motor, _step: None
