@@ -1,1 +1,1 @@
-"""The command line."""
+"""The command line: `boltpose prior build|show|edit`, `locate`, `demo`, `evaluate`, `train`."""

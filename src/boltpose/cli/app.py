@@ -1,0 +1,90 @@
+"""The `boltpose` command: its tree of subcommands, and errors turned into exit codes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from boltpose import __version__
+from boltpose.cli import demo, evaluate, locate, prior_build, prior_edit, prior_show
+from boltpose.cli.exit_codes import ExitCode
+from boltpose.errors import BoltposeError
+
+app = typer.Typer(
+    name="boltpose",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    epilog="Exit codes: 0 ok, 2 bad input, 3 pose refused, 130 interrupted.",
+)
+prior_app = typer.Typer(help="Build, look at and correct what is known of a motor beforehand.")
+app.add_typer(prior_app, name="prior")
+
+prior_app.command("build")(prior_build.build)
+prior_app.command("show")(prior_show.show)
+prior_app.command("edit")(prior_edit.edit)
+app.command("locate")(locate.locate_bolts)
+app.command("demo")(demo.run_demo)
+app.command("evaluate")(evaluate.evaluate)
+
+
+@prior_app.callback(invoke_without_command=True)
+def _show_help(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.callback(invoke_without_command=True)
+def _main_options(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False,
+) -> None:
+    """The 6D pose of every bolt of a clamped motor, also of the bolts the camera cannot see."""
+    if version:
+        typer.echo(__version__)
+        raise typer.Exit(ExitCode.OK)
+    _show_help(context)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; our own errors become one line on stderr.
+
+    Args:
+        arguments: The command line without the program's name; that of the process by default.
+
+    Returns:
+        The exit code, see `ExitCode`. Anything that is not the user's doing is not caught: a
+        traceback is what a bug report needs.
+    """
+    command = typer.main.get_command(app)
+    try:
+        code = command.main(
+            args=None if arguments is None else list(arguments),
+            prog_name="boltpose",
+            standalone_mode=False,
+        )
+        sys.stdout.flush()  # here, where a full disk or a closed pipe is still an error of ours
+    except BrokenPipeError:
+        # the reader (`| head`) has gone; without this Python complains once more while it ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.BAD_INPUT
+    except (BoltposeError, OSError, typer.TyperException) as error:
+        typer.echo(f"boltpose: {_one_line(error)}", err=True)
+        return ExitCode.BAD_INPUT
+    except (KeyboardInterrupt, typer.Abort):
+        typer.echo("boltpose: interrupted", err=True)
+        return ExitCode.INTERRUPTED
+    return code if isinstance(code, int) else ExitCode.OK
+
+
+def _one_line(error: BaseException) -> str:
+    if isinstance(error, typer.TyperException):
+        text = error.format_message()
+    elif isinstance(error, OSError) and error.filename is not None and error.strerror:
+        text = f"{error.filename}: {error.strerror.lower()}"
+    else:
+        text = str(error)
+    return " ".join(text.split())

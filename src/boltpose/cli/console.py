@@ -1,0 +1,73 @@
+"""Where the command line writes: answers to stdout, progress and warnings to stderr."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+PLAIN_WIDTH = 120
+"""Columns where the output is no terminal: a log file has no edge to wrap at."""
+
+
+def answer_console() -> Console:
+    """Return the console of stdout; colour only on a terminal, NO_COLOR is honoured."""
+    return Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
+
+
+def note_console() -> Console:
+    """Return the console of stderr."""
+    return Console(stderr=True, width=None if sys.stderr.isatty() else PLAIN_WIDTH, highlight=False)
+
+
+def warn(text: str) -> None:
+    """Say something that must not be overlooked; one line on stderr, whatever stdout carries."""
+    console = note_console()
+    console.print(f"[bold yellow]warning:[/] {text}", soft_wrap=True)
+
+
+class StageProgress:
+    """Shows the stage that ended last while work goes on, and keeps the time of every stage.
+
+    Draws on stderr, and only on a terminal: a log gets no control characters. Pass `done` as
+    `on_stage`.
+    """
+
+    def __init__(self, title: str, *, quiet: bool = False) -> None:
+        console = note_console()
+        self._title = title
+        self._progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=quiet or not console.is_terminal,
+        )
+        self._task = self._progress.add_task(title, total=None)
+        self.seconds: dict[str, float] = {}
+        """Wall seconds by stage, in order."""
+
+    def done(self, stage: str, seconds: float) -> None:
+        """Note that a stage has ended."""
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        self._progress.update(self._task, description=f"{self._title} [dim]({stage} done)[/]")
+
+    def summary(self) -> str:
+        """Return for example `segment 0.41 s, register 0.52 s; 0.93 s in all`."""
+        stages = ", ".join(f"{stage} {time:.2f} s" for stage, time in self.seconds.items())
+        return f"{stages}; {sum(self.seconds.values()):.2f} s in all"
+
+    def __enter__(self) -> StageProgress:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._progress.stop()

@@ -1,0 +1,45 @@
+"""`boltpose demo`: the whole way on a motor that comes with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from boltpose.cli.console import note_console
+from boltpose.errors import InputFileError
+
+DEMO_FOLDER = Path(__file__).resolve().parent.parent / "demo"
+"""A simulated motor of reman18: full scan, one view with its camera file, hand-eye matrix."""
+
+
+def run_demo(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the results.")
+    ] = Path("demo_output"),
+) -> None:
+    """Build the shipped motor's prior, then locate its bolts in the shipped scan."""
+    if output.exists() and not output.is_dir():
+        raise InputFileError(output, "a file", "a folder for the results")
+    output.mkdir(parents=True, exist_ok=True)
+
+    from boltpose.cli.locate import locate_bolts
+    from boltpose.cli.prior_build import build
+
+    notes = note_console()
+    prior = output / "motor.prior.npz"
+    scan = DEMO_FOLDER / "full_scan.ply"
+    notes.print(
+        f"\n[bold]1. boltpose prior build {scan.name}[/]   (simulated data, once per motor)"
+    )
+    build(scan, prior, picture=output / "prior.png", name="demo motor")
+    notes.print("\n[bold]2. boltpose locate[/]   (once per clamped motor)")
+    locate_bolts(
+        DEMO_FOLDER / "000000.png",
+        prior,
+        hand_eye=DEMO_FOLDER / "hand_eye.yaml",
+        camera=DEMO_FOLDER / "scene_camera.json",
+        output=output / "poses.json",
+        picture=output / "demo.png",
+    )

@@ -1,0 +1,56 @@
+"""`boltpose evaluate`: the numbers in docs/results.md, from data to table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.outputs import check_output
+
+REPORT_SUFFIXES = (".md",)
+
+
+def evaluate(
+    data: Annotated[
+        Path, typer.Option("--data", metavar="DIR", help="The data set, a folder like reman18.")
+    ] = Path("data/reman18"),
+    models: Annotated[
+        Path,
+        typer.Option("--models", metavar="DIR", help="Networks trained without each family."),
+    ] = Path("runs/models"),
+    records: Annotated[
+        Path, typer.Option("--records", metavar="DIR", help="One JSON file per motor, resumable.")
+    ] = Path("docs/results"),
+    report: Annotated[
+        Path, typer.Option("--report", metavar="MD", help="The tables are written here.")
+    ] = Path("docs/results.md"),
+    motors: Annotated[
+        list[str] | None,
+        typer.Option("--motor", metavar="NAME", help="Only this motor; may be repeated."),
+    ] = None,
+    report_only: Annotated[
+        bool, typer.Option("--report-only", help="Measure nothing, write the tables again.")
+    ] = False,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Measure again what is measured already.")
+    ] = False,
+) -> None:
+    """Evaluate on labelled data, every motor by networks that saw none of its family."""
+    check_output(report, REPORT_SUFFIXES)
+
+    from boltpose.evaluation.report import render_report, write_report
+    from boltpose.evaluation.run import evaluate as run_evaluation
+    from boltpose.evaluation.run import read_records
+    from boltpose.evaluation.summary import cli_summary
+
+    if not report_only:
+        run_evaluation(
+            data, models, records, motors=motors, resume=not fresh, console=note_console()
+        )
+    measured = read_records(records)
+    write_report(report, render_report(measured))
+    answer_console().print(cli_summary(measured))
+    note_console().print(f"wrote {report}", soft_wrap=True)

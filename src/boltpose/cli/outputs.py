@@ -1,0 +1,44 @@
+"""Outputs are checked before the work starts, so that nothing is computed for nowhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from boltpose.errors import InputFileError
+
+PRIOR_SUFFIXES = (".npz",)
+POSES_SUFFIXES = (".json",)
+PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_output(
+    path: Path | None, suffixes: tuple[str, ...], *, inputs: Iterable[Path | None] = ()
+) -> None:
+    """Refuse a path that cannot be written, has the wrong suffix or would replace an input.
+
+    Args:
+        path: Where a file is to be written; None is no output, and fine.
+        suffixes: Accepted endings, lower case with dot.
+        inputs: Files the command reads; an output over one of them is a typing slip.
+
+    Raises:
+        InputFileError: The path will not do; the text says why.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() not in suffixes:
+        raise InputFileError(
+            path, f"the ending '{path.suffix}' for an output", " or ".join(suffixes)
+        )
+    if path.is_dir():
+        raise InputFileError(path, "a folder", "a file name to write to")
+    for source in inputs:
+        if source is not None and path.resolve() == source.resolve():
+            raise InputFileError(path, "an input file given as output", "another name")
+    folder = path.parent
+    if not folder.is_dir():
+        raise InputFileError(path, f"no folder '{folder}'", "an existing folder to write to")
+    if not os.access(folder, os.W_OK):
+        raise InputFileError(path, f"folder '{folder}' is not writable", "a folder to write to")

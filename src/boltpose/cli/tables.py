@@ -1,0 +1,169 @@
+"""Results as a person reads them in a terminal."""
+
+from __future__ import annotations
+
+import math
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from boltpose.arrays import FloatArray
+from boltpose.schema import LocatedBolt, LocateResult, Prior, PriorBolt, Verdict, Visibility
+
+_VISIBILITY_STYLE = {
+    Visibility.VISIBLE: "green",
+    Visibility.PARTIAL: "yellow",
+    Visibility.HIDDEN: "dark_orange",
+}
+
+
+def describe_result(result: LocateResult) -> RenderableType:
+    """Lay out a result: the verdict with its numbers on top, then one row per bolt."""
+    parts: list[RenderableType] = [_verdict_panel(result), _score_table(result.verdict)]
+    if result.bolts:
+        parts.append(_bolt_table(result))
+    return Group(*parts)
+
+
+def describe_prior(prior: Prior) -> RenderableType:
+    """Lay out a prior: its alignment and one row per bolt."""
+    alignment = prior.alignment
+    unsure = sum(not bolt.is_sure for bolt in prior.bolts)
+    roll = "from the solenoid" if alignment.has_solenoid else "free: no solenoid found"
+    lines = [
+        Text(f"{len(prior.bolts)} bolts, {len(prior.points)} points", style="bold"),
+        Text(
+            f"axis from {alignment.normal_count} housing normals, "
+            f"spread {math.degrees(alignment.axis_spread_rad):.2f} deg, "
+            f"sigma {math.degrees(alignment.axis_sigma_rad):.3f} deg; roll {roll}"
+        ),
+    ]
+    if unsure:
+        noun = "bolt is" if unsure == 1 else "bolts are"
+        lines.append(
+            Text(
+                f"{unsure} {noun} unsure: look at the picture, then keep it or use "
+                "`boltpose prior edit`",
+                style="yellow",
+            )
+        )
+    panel = Panel(Group(*lines), title=f"prior '{prior.name}'", title_align="left", expand=False)
+    return Group(panel, _prior_bolt_table(prior))
+
+
+def _verdict_panel(result: LocateResult) -> Panel:
+    if result.is_ok:
+        counts = {
+            level: sum(bolt.visibility is level for bolt in result.bolts) for level in Visibility
+        }
+        seen = ", ".join(f"{count} {level}" for level, count in counts.items())
+        body = [Text(f"OK: {len(result.bolts)} bolts in frame '{result.frame}' ({seen})")]
+        body[0].stylize("bold green")
+        unsure = [bolt.id for bolt in result.bolts if not bolt.is_sure]
+        if unsure:
+            body.append(Text(f"unsure in the prior: {', '.join(unsure)}", style="yellow"))
+    else:
+        codes = ", ".join(str(check) for check in result.verdict.failed)
+        body = [Text(f"REFUSED, no pose is given: {codes}", style="bold red")]
+        body += [Text(f"- {reason}") for reason in result.verdict.reasons]
+    style = "green" if result.is_ok else "red"
+    title = f"prior '{result.prior_name}'"
+    return Panel(Group(*body), title=title, title_align="left", border_style=style, expand=False)
+
+
+def _score_table(verdict: Verdict) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table.add_column("score")
+    table.add_column("value", justify="right")
+    table.add_column("threshold", justify="right")
+    # a score that could not be measured still has its threshold, and the reasons tell why
+    for name in dict.fromkeys([*verdict.scores, *verdict.thresholds]):
+        value, limit = verdict.scores.get(name), verdict.thresholds.get(name)
+        table.add_row(
+            name.replace("_", " "),
+            "-" if value is None else f"{value:.4g}",
+            "" if limit is None else f"{limit:.4g}",
+        )
+    return table
+
+
+def _bolt_table(result: LocateResult) -> Table:
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        title=f"head_top and outward axis in frame '{result.frame}', mm",
+        title_justify="left",
+        title_style="bold",
+    )
+    table.add_column("id", no_wrap=True)
+    table.add_column("side")
+    table.add_column("position", justify="right", no_wrap=True)
+    table.add_column("axis", justify="right", no_wrap=True)
+    table.add_column("seen", justify="right", no_wrap=True)
+    table.add_column("sigma mm\nbeside, along", justify="right", no_wrap=True)
+    table.add_column("sigma\naxis deg", justify="right")
+    table.add_column("sure")
+    for bolt in result.bolts:
+        table.add_row(*_bolt_row(bolt))
+    return table
+
+
+def _bolt_row(bolt: LocatedBolt) -> tuple[str | Text, ...]:
+    seen = Text(f"{bolt.visibility} {bolt.visible_fraction:4.0%}")
+    seen.stylize(_VISIBILITY_STYLE[bolt.visibility])
+    return (
+        bolt.id,
+        str(bolt.side),
+        _numbers(bolt.position, "9.2f"),
+        _numbers(bolt.axis, "7.4f"),
+        seen,
+        f"{bolt.sigma_lateral_mm:.2f}  {bolt.sigma_axial_mm:.2f}",
+        f"{math.degrees(bolt.sigma_axis_rad):.2f}",
+        _sure(bolt.is_sure, bolt.remarks),
+    )
+
+
+def _prior_bolt_table(prior: Prior) -> Table:
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        title="head_top and outward axis in frame 'prior', mm",
+        title_justify="left",
+        title_style="bold",
+    )
+    for name in ("id", "side"):
+        table.add_column(name, no_wrap=True)
+    for name in ("position", "axis", "head", "points", "class", "fit"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("sure")
+    for bolt in prior.bolts:
+        table.add_row(*_prior_bolt_row(bolt))
+    return table
+
+
+def _prior_bolt_row(bolt: PriorBolt) -> tuple[str | Text, ...]:
+    return (
+        bolt.id,
+        str(bolt.side),
+        _numbers(bolt.prior_from_bolt.translation_mm, "8.2f"),
+        _numbers(bolt.prior_from_bolt.z_axis, "7.4f"),
+        f"{bolt.head_diameter_mm:.1f}",
+        str(bolt.point_count),
+        f"{bolt.class_probability:.0%}",
+        f"{bolt.head_fit_support:.0f}",
+        _sure(bolt.is_sure, bolt.remarks),
+    )
+
+
+def _numbers(values: FloatArray, form: str) -> str:
+    return " ".join(f"{value:{form}}" for value in values)
+
+
+def _sure(is_sure: bool, remarks: tuple[str, ...]) -> Text:
+    note = "; ".join(remarks)
+    if is_sure:
+        return Text(f"yes{': ' + note if note else ''}")
+    return Text(f"UNSURE{': ' + note if note else ''}", style="bold yellow")
