@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from typing import Generic
+from typing import Any, Generic
 
 from boltpose.errors import BoltposeError
 from boltpose.evaluation.bolts import BoltMatching, match_bolts
@@ -74,11 +74,12 @@ class MotorEvaluation(Generic[Models]):
         peak_memory_mb = peak_memory()
         cases: list[CaseRecord] = []
         if with_negatives and prior is not None:
+            prepared = self._pipeline.prepare(prior)
             wanted = list_cases(self._motor, list(self._motors.values()))
             # by family: networks are loaded once for all scenes of one
             for case in sorted(wanted, key=lambda case: case.scene_family):
                 if views is None or case.view in views:
-                    cases.append(self._evaluate_case(case, prior))
+                    cases.append(self._evaluate_case(case, prepared))
         return MotorRecord(
             format=FORMAT,
             fingerprint=fingerprint,
@@ -156,7 +157,7 @@ class MotorEvaluation(Generic[Models]):
             time=time,
         )
 
-    def _evaluate_case(self, case: Case, prior: Prior) -> CaseRecord:
+    def _evaluate_case(self, case: Case, prior: Any) -> CaseRecord:
         self._on_step(f"{case.kind} {case.scene_motor}/{case.view}")
         scene = self._motors[case.scene_motor]
         view = next(view for view in scene.views if view.index == case.view)
@@ -199,7 +200,7 @@ class MotorEvaluation(Generic[Models]):
         )
 
     def _locate(
-        self, scan: Scan, prior: Prior, base_from_camera: Transform, family: str
+        self, scan: Scan, prior: Any, base_from_camera: Transform, family: str
     ) -> tuple[LocateResult | BoltposeError, CallTime]:
         """The answer, or the error raised instead of one: a refusal, too, for the robot."""
         models = self._models_of(family)

@@ -17,7 +17,7 @@ from boltpose.schema import Scan
 
 SEED = 20_260_801
 """Every random number of the set follows from it, the motor and the view."""
-NOISE_POINTS = 200_000
+MAX_NOISE_POINTS = 200_000
 
 
 class CaseKind(StrEnum):
@@ -150,7 +150,7 @@ def make_scan(case: Case, scene: TrueMotor, read_scan: Callable[[Path], Scan]) -
     if case.kind is CaseKind.MIRRORED:
         return decoys.mirror_scan(scan)
     if case.kind is CaseKind.NOISE_IN_BOX:
-        return decoys.noise_in_box(scan, NOISE_POINTS, rng)
+        return decoys.noise_in_box(scan, min(len(scan), MAX_NOISE_POINTS), rng)
     if case.kind is CaseKind.NOISE_IN_DEPTH:
         return decoys.noise_in_depth(scan, rng)
     if case.kind is CaseKind.PLAIN_TABLE:

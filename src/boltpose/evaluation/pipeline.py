@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from boltpose.evaluation.records import CallTime, StageTime
 from boltpose.geometry.transforms import Transform
@@ -27,7 +27,9 @@ class Pipeline(Generic[Models]):
     """Returns `base_from_camera`."""
     build_prior: Callable[[Scan, Models, str, OnStage], Prior]
     """Scan in frame `prior`, networks, name, stage callback."""
-    locate: Callable[[Scan, Prior, Transform, Models, OnStage], LocateResult]
+    prepare: Callable[[Prior], Any]
+    """Compute once what `locate` needs of a prior; it takes the prior or this."""
+    locate: Callable[[Scan, Any, Transform, Models, OnStage], LocateResult]
     """Scan in frame `camera`, prior, `base_from_camera`, networks, stage callback."""
 
 

@@ -31,6 +31,10 @@ class CallTime:
     cpu_s: float
     stages: tuple[StageTime, ...]
 
+    def stage_s(self, name: str) -> float:
+        """Wall time of one stage, 0 where it did not run."""
+        return sum(stage.wall_s for stage in self.stages if stage.name == name)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PriorRecord:

@@ -18,7 +18,6 @@ from boltpose.evaluation.codec import decode, encode
 from boltpose.evaluation.fingerprint import fingerprint
 from boltpose.evaluation.motor import MotorEvaluation
 from boltpose.evaluation.pipeline import Pipeline
-from boltpose.evaluation.product import boltpose_pipeline
 from boltpose.evaluation.records import FORMAT, MotorRecord
 from boltpose.evaluation.reman18 import list_motors, read_motor
 from boltpose.io.atomic import write_atomic
@@ -63,7 +62,7 @@ def evaluate(
         ConfigError: A motor or view is not in the data set.
         InputFileError: A file of the data set or a family's networks are missing.
     """
-    chain = boltpose_pipeline() if pipeline is None else pipeline
+    chain = pipeline or _shipped_pipeline()
     root, folder, target = Path(data), _leave_out_folder(Path(models_dir)), Path(out)
     truth = {name: read_motor(root, name) for name in list_motors(root)}
     chosen = _choose(motors, list(truth), "motor")
@@ -129,6 +128,13 @@ def read_records(folder: str | Path) -> tuple[MotorRecord, ...]:
     if not paths:
         raise InputFileError(folder, "no motor_*.json", "the folder evaluate wrote to")
     return tuple(read_record(path) for path in paths)
+
+
+def _shipped_pipeline() -> Pipeline[Any]:
+    # here, not on top: reading records and writing reports needs no ONNX Runtime
+    from boltpose.evaluation.product import boltpose_pipeline
+
+    return boltpose_pipeline()
 
 
 def _read_if_current(path: Path, mark: str) -> MotorRecord | None:

@@ -1,3 +1,4 @@
+import dataclasses
 import itertools
 import math
 
@@ -105,17 +106,10 @@ def test_no_other_pairing_has_more_pairs_or_as_many_closer(
     seed: int, found_count: int, true_count: int
 ) -> None:
     tops = np.random.default_rng(seed).uniform(0, 9, size=(found_count, 3))
-    truth = [bolt for bolt in true_bolts()[:true_count]]
+    true_tops = np.random.default_rng(seed + 1).uniform(0, 9, size=(4, 3))
     truth = [
-        type(bolt)(
-            id=bolt.id,
-            head=bolt.head,
-            side=bolt.side,
-            head_top_mm=np.random.default_rng(seed + 1).uniform(0, 9, size=(4, 3))[bolt.id],
-            axis=bolt.axis,
-            head_diameter_mm=bolt.head_diameter_mm,
-        )
-        for bolt in truth
+        dataclasses.replace(bolt, head_top_mm=true_tops[bolt.id])
+        for bolt in true_bolts()[:true_count]
     ]
     found = [prior_bolt(f"T{i}", top) for i, top in enumerate(tops)]
 

@@ -131,5 +131,6 @@ def tiny_pipeline(root: Path) -> Pipeline[str]:
         read_scan=read_tiny_scan,
         read_hand_eye=read_hand_eye,
         build_prior=build_prior,
+        prepare=lambda prior: prior,
         locate=locate,
     )
