@@ -23,7 +23,7 @@ def evaluate(
     ] = Path("runs/models"),
     records: Annotated[
         Path, typer.Option("--records", metavar="DIR", help="One JSON file per motor, resumable.")
-    ] = Path("docs/results"),
+    ] = Path("results/evaluate"),
     report: Annotated[
         Path, typer.Option("--report", metavar="MD", help="The tables are written here.")
     ] = Path("docs/results.md"),
