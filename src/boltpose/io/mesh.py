@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import io
+import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
 
 from boltpose.arrays import FloatArray, IntArray, freeze
 from boltpose.errors import InputFileError
 from boltpose.io.guard import MAX_POINTS, refusing, require_file
 from boltpose.io.units import Unit, as_unit, check_extent
 
+if TYPE_CHECKING:
+    import trimesh
+
 MESH_SUFFIXES = (".stl", ".obj", ".ply", ".glb")
 """Suffixes that `read_mesh` knows."""
 
 _WANTED = f"a triangle mesh, one of {', '.join(MESH_SUFFIXES)}"
 _UNNAMED = "geometry_0"
+_SILENT = logging.NullHandler()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -81,7 +85,7 @@ def _check_stl(path: Path, suffix: str, data: bytes) -> None:
     """Refuse STL files that were cut off: trimesh reads what is left without a word."""
     if suffix != ".stl":
         return
-    if data[:5].lower() == b"solid" and b"facet" in data[:1000]:
+    if _is_ascii_stl(data):
         if b"endsolid" not in data[-1000:]:
             raise InputFileError(path, "an ascii STL without 'endsolid'", _WANTED)
         return
@@ -91,19 +95,33 @@ def _check_stl(path: Path, suffix: str, data: bytes) -> None:
         raise InputFileError(path, found, f"{84 + 50 * count} bytes of binary STL")
 
 
+def _is_ascii_stl(data: bytes) -> bool:
+    """Tell ascii from binary; there are binary files that start with `solid`."""
+    return data[:5].lower() == b"solid" and b"facet" in data[:1000]
+
+
 def _read_parts(path: Path, suffix: str, data: bytes) -> list[MeshPart]:
     """Parse the file and put every part in place, in the file's unit."""
+    # half a second that only those with a CAD mesh should wait
+    import trimesh
+
+    # trimesh logs what it also raises; without any handler Python would print that
+    logging.getLogger("trimesh").addHandler(_SILENT)
     options: dict[str, Any] = {}
+    if suffix == ".obj" or (suffix == ".stl" and _is_ascii_stl(data)):
+        # for other encodings trimesh asks for a package that we do not need
+        data = _decode(data).encode("utf-8")
     if suffix == ".obj":
         has_objects = re.search(rb"^o\s", data, re.MULTILINE) is not None
         options = {"split_objects": True, "split_groups": not has_objects, "group_material": False}
-    scene = trimesh.load_scene(
-        io.BytesIO(data),  # without a folder, so no file beside it is opened
-        file_type=suffix.removeprefix("."),
-        process=False,
-        skip_materials=True,
-        **options,
-    )
+    with np.errstate(all="ignore"):  # what is not finite is refused below
+        scene = trimesh.load_scene(
+            io.BytesIO(data),  # no path, so no file beside it is opened
+            file_type=suffix.removeprefix("."),
+            process=False,
+            skip_materials=True,
+            **options,
+        )
     parts: list[MeshPart] = []
     for node in sorted(scene.graph.nodes_geometry):
         model_from_node, geometry_name = scene.graph[node]
@@ -119,6 +137,14 @@ def _read_parts(path: Path, suffix: str, data: bytes) -> list[MeshPart]:
     return parts
 
 
+def _decode(data: bytes) -> str:
+    """Decode text that is utf-8 nowadays and was latin-1 in older CAD programs."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def _place(
     path: Path, name: str, geometry: trimesh.Trimesh, model_from_node: FloatArray
 ) -> MeshPart:
@@ -130,7 +156,8 @@ def _place(
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputFileError(path, f"part '{name}' with vertex {faces.max()}", "existing vertices")
     linear = model_from_node[:3, :3]
-    placed = vertices @ linear.T + model_from_node[:3, 3]
+    with np.errstate(all="ignore"):
+        placed = vertices @ linear.T + model_from_node[:3, 3]
     if not np.isfinite(placed[faces]).all():
         raise InputFileError(path, f"part '{name}' with values that are not finite", _WANTED)
     if np.linalg.det(linear) < 0:
