@@ -11,9 +11,9 @@ from boltpose.arrays import FloatArray, as_points
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.alignment import bolt_rotation
-from boltpose.prior.build import PARTS
 from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
 from boltpose.schema import Part, Prior, PriorBolt, Side
+from boltpose.segmentation.predictor import PARTS
 
 ADDED = "added by a person"
 CONFIRMED = "confirmed by a person"
