@@ -67,8 +67,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             standalone_mode=False,
         )
         sys.stdout.flush()  # here, where a full disk or a closed pipe is still an error of ours
-    except BrokenPipeError:
-        # the reader (`| head`) has gone; without this Python complains once more while it ends
+    except (BrokenPipeError, SystemExit):
+        # the reader (`| head`) has gone, and typer would end the process with a code of its own;
+        # without the next line Python complains once more while it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.BAD_INPUT
     except (BoltposeError, OSError, typer.TyperException) as error:

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-import sys
 from types import TracebackType
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-PLAIN_WIDTH = 120
-"""Columns where the output is no terminal: a log file has no edge to wrap at."""
+TABLE_WIDTH = 102
+"""Columns a table of bolts needs; a narrower terminal wraps lines rather than cut off numbers."""
 
 
 def answer_console() -> Console:
     """Return the console of stdout; colour only on a terminal, NO_COLOR is honoured."""
-    return Console(width=None if sys.stdout.isatty() else PLAIN_WIDTH, highlight=False)
+    return _at_least_wide(Console(highlight=False))
 
 
 def note_console() -> Console:
     """Return the console of stderr."""
-    return Console(stderr=True, width=None if sys.stderr.isatty() else PLAIN_WIDTH, highlight=False)
+    return _at_least_wide(Console(stderr=True, highlight=False))
+
+
+def _at_least_wide(console: Console) -> Console:
+    console.width = max(console.width, TABLE_WIDTH)
+    return console
 
 
 def warn(text: str) -> None:

@@ -94,7 +94,7 @@ def locate_bolts(
                 "scan": scan.name,
                 "scan_sha256": sha256_of(scan),
                 "prior_sha256": sha256_of(prior),
-                "models": dict(networks.provenance),
+                "models": dict(networks.hashes),
             },
             on_stage=progress.done,
         )

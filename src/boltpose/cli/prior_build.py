@@ -70,7 +70,7 @@ def build(
             provenance={
                 "source": source.name,
                 "source_sha256": sha256_of(source),
-                "models": {} if networks is None else dict(networks.provenance),
+                "models": {} if networks is None else dict(networks.hashes),
             },
             on_stage=progress.done,
         )

@@ -25,6 +25,7 @@ def describe_result(result: LocateResult) -> RenderableType:
     parts: list[RenderableType] = [_verdict_panel(result), _score_table(result.verdict)]
     if result.bolts:
         parts.append(_bolt_table(result))
+    parts += [_remarks(bolt.id, bolt.remarks) for bolt in result.bolts if bolt.remarks]
     return Group(*parts)
 
 
@@ -51,7 +52,8 @@ def describe_prior(prior: Prior) -> RenderableType:
             )
         )
     panel = Panel(Group(*lines), title=f"prior '{prior.name}'", title_align="left", expand=False)
-    return Group(panel, _prior_bolt_table(prior))
+    remarks = [_remarks(bolt.id, bolt.remarks) for bolt in prior.bolts if bolt.remarks]
+    return Group(panel, _prior_bolt_table(prior), *remarks)
 
 
 def _verdict_panel(result: LocateResult) -> Panel:
@@ -91,54 +93,41 @@ def _score_table(verdict: Verdict) -> Table:
 
 
 def _bolt_table(result: LocateResult) -> Table:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        title=f"head_top and outward axis in frame '{result.frame}', mm",
-        title_justify="left",
-        title_style="bold",
+    table = _table(
+        f"head_top and outward axis in frame '{result.frame}', mm; sigma beside/along it, of its axis"
     )
     table.add_column("id", no_wrap=True)
-    table.add_column("side")
-    table.add_column("position", justify="right", no_wrap=True)
-    table.add_column("axis", justify="right", no_wrap=True)
-    table.add_column("seen", justify="right", no_wrap=True)
-    table.add_column("sigma mm\nbeside, along", justify="right", no_wrap=True)
-    table.add_column("sigma\naxis deg", justify="right")
-    table.add_column("sure")
+    table.add_column("side", no_wrap=True)
+    for name in ("position", "axis", "seen", "sigma\nmm", "sigma\ndeg"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("sure", no_wrap=True)
     for bolt in result.bolts:
         table.add_row(*_bolt_row(bolt))
     return table
 
 
 def _bolt_row(bolt: LocatedBolt) -> tuple[str | Text, ...]:
-    seen = Text(f"{bolt.visibility} {bolt.visible_fraction:4.0%}")
+    seen = Text(f"{bolt.visibility} {bolt.visible_fraction:3.0%}")
     seen.stylize(_VISIBILITY_STYLE[bolt.visibility])
     return (
         bolt.id,
         str(bolt.side),
-        _numbers(bolt.position, "9.2f"),
-        _numbers(bolt.axis, "7.4f"),
+        _numbers(bolt.position, "8.2f"),
+        _numbers(bolt.axis, "6.3f"),
         seen,
-        f"{bolt.sigma_lateral_mm:.2f}  {bolt.sigma_axial_mm:.2f}",
+        f"{bolt.sigma_lateral_mm:.2f}/{bolt.sigma_axial_mm:.2f}",
         f"{math.degrees(bolt.sigma_axis_rad):.2f}",
-        _sure(bolt.is_sure, bolt.remarks),
+        _sure(bolt.is_sure),
     )
 
 
 def _prior_bolt_table(prior: Prior) -> Table:
-    table = Table(
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        title="head_top and outward axis in frame 'prior', mm",
-        title_justify="left",
-        title_style="bold",
-    )
+    table = _table("head_top and outward axis in frame 'prior', mm")
     for name in ("id", "side"):
         table.add_column(name, no_wrap=True)
     for name in ("position", "axis", "head", "points", "class", "fit"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("sure")
+    table.add_column("sure", no_wrap=True)
     for bolt in prior.bolts:
         table.add_row(*_prior_bolt_row(bolt))
     return table
@@ -149,21 +138,34 @@ def _prior_bolt_row(bolt: PriorBolt) -> tuple[str | Text, ...]:
         bolt.id,
         str(bolt.side),
         _numbers(bolt.prior_from_bolt.translation_mm, "8.2f"),
-        _numbers(bolt.prior_from_bolt.z_axis, "7.4f"),
+        _numbers(bolt.prior_from_bolt.z_axis, "6.3f"),
         f"{bolt.head_diameter_mm:.1f}",
         str(bolt.point_count),
         f"{bolt.class_probability:.0%}",
         f"{bolt.head_fit_support:.0f}",
-        _sure(bolt.is_sure, bolt.remarks),
+        _sure(bolt.is_sure),
+    )
+
+
+def _table(title: str) -> Table:
+    return Table(
+        box=box.SIMPLE_HEAD,
+        pad_edge=False,
+        collapse_padding=True,
+        title=title,
+        title_justify="left",
+        title_style="bold",
     )
 
 
 def _numbers(values: FloatArray, form: str) -> str:
-    return " ".join(f"{value:{form}}" for value in values)
+    # + 0.0 turns a rounded -0.000 into 0.000
+    return " ".join(f"{round(float(value), 4) + 0.0:{form}}" for value in values)
 
 
-def _sure(is_sure: bool, remarks: tuple[str, ...]) -> Text:
-    note = "; ".join(remarks)
-    if is_sure:
-        return Text(f"yes{': ' + note if note else ''}")
-    return Text(f"UNSURE{': ' + note if note else ''}", style="bold yellow")
+def _sure(is_sure: bool) -> Text:
+    return Text("yes") if is_sure else Text("NO", style="bold yellow")
+
+
+def _remarks(bolt_id: str, remarks: tuple[str, ...]) -> Text:
+    return Text(f"{bolt_id}: {'; '.join(remarks)}", style="yellow")

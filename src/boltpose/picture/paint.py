@@ -57,7 +57,8 @@ def paint(view: View, points: FloatArray, colors: FloatArray) -> FloatArray:
     spacing_mm = _spacing_mm(shown)
     image = rasterise(fine, shown, 1.4 * spacing_mm)
     brightness = light(image, fine, smooth_mm=max(0.6, 0.9 * spacing_mm))
-    tint = np.where(image.filled[..., None], tints[np.maximum(image.index, 0)], PAPER)
+    tint = tints.astype(np.float32)[np.maximum(image.index, 0)]
+    tint[~image.filled] = PAPER
     lit = np.where(image.filled, 0.25 + 0.85 * brightness, 1.0)
     return np.clip(shrink(tint * lit[..., None], SUPERSAMPLING), 0, 1)
 

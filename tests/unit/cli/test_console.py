@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+import io
+
+import pytest
+from rich.console import Console
+
+from boltpose.cli.console import TABLE_WIDTH, StageProgress
+from boltpose.cli.tables import describe_prior, describe_result
+from tests.support import results
+
+
+def text_of(renderable: object, width: int = 120) -> str:
+    console = Console(file=io.StringIO(), width=width)
+    console.print(renderable)
+    return console.file.getvalue()  # pyright: ignore
+
+
+def test_stages_add_up_in_their_order() -> None:
+    with StageProgress("x", quiet=True) as progress:
+        progress.done("segment", 0.25)
+        progress.done("register", 0.5)
+        progress.done("segment", 0.25)
+
+    assert progress.seconds == {"segment": 0.5, "register": 0.5}
+    assert progress.summary() == "segment 0.50 s, register 0.50 s; 1.00 s in all"
+
+
+def test_progress_off_a_terminal_writes_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with StageProgress("x") as progress:
+        progress.done("segment", 0.25)
+
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "")
+
+
+def test_no_number_is_cut_off_in_the_narrowest_table() -> None:
+    prior = results.cube_prior()
+    result = results.located(prior)
+
+    text = text_of(describe_result(result), TABLE_WIDTH)
+
+    assert "…" not in text
+    for bolt in result.bolts:
+        row = next(line for line in text.splitlines() if line.split()[:1] == [bolt.id])
+        assert all(f"{value:.2f}" in row for value in bolt.position)
+        assert all(f"{value + 0.0:.3f}" in row for value in bolt.axis)
+
+
+def test_a_refused_result_shows_no_coordinates() -> None:
+    text = text_of(describe_result(results.refused(results.cube_prior())))
+
+    assert "REFUSED" in text
+    assert "position" not in text
+    # measured and not measured scores stand beside their thresholds
+    lines = [line.split() for line in text.splitlines()]
+    assert ["free", "space", "violation", "0.06", "0.01"] in lines
+    assert ["margin", "-", "0.03"] in lines
+
+
+def test_a_prior_with_a_free_roll_says_so() -> None:
+    from dataclasses import replace
+
+    prior = results.cube_prior()
+    free = replace(prior, alignment=replace(prior.alignment, has_solenoid=False))
+
+    assert "no solenoid" in text_of(describe_prior(free))
+    assert "no solenoid" not in text_of(describe_prior(prior))
