@@ -25,6 +25,7 @@ MAX_TRANSLATION_MM = 20_000.0
 """Farther than any robot cell; 100 mm taken for metres is 100000."""
 
 _TYPICAL_EXTENT_MM = (80.0, 3000.0)
+_TYPICAL_TRANSLATION_MM = (50.0, 5000.0)
 _SAMPLE = 200_000
 
 
@@ -90,10 +91,10 @@ def check_extent(path: str | Path, extent: float, unit: Unit, *, option: str) ->
     """
     if MIN_EXTENT_MM <= extent * unit.mm <= MAX_EXTENT_MM:
         return
-    low, high = _TYPICAL_EXTENT_MM
+    hint = _hint(extent, _TYPICAL_EXTENT_MM, (MIN_EXTENT_MM, MAX_EXTENT_MM), option)
     raise UnitError(
         path,
-        f"an extent of {extent:.4g} {unit}" + _hint(extent, low, high, option),
+        f"an extent of {extent:.4g} {unit}{hint}",
         f"{MIN_EXTENT_MM:g} to {MAX_EXTENT_MM:g} mm",
     )
 
@@ -113,17 +114,20 @@ def check_translation(path: str | Path, length: float, unit: Unit, *, option: st
     """
     if length == 0 or MIN_TRANSLATION_MM <= length * unit.mm <= MAX_TRANSLATION_MM:
         return
-    hint = _hint(length, MIN_TRANSLATION_MM, MAX_TRANSLATION_MM, option)
+    hint = _hint(length, _TYPICAL_TRANSLATION_MM, (MIN_TRANSLATION_MM, MAX_TRANSLATION_MM), option)
     raise UnitError(
         path,
-        f"a translation of {length:.4g} {unit}" + hint,
+        f"a translation of {length:.4g} {unit}{hint}",
         f"{MIN_TRANSLATION_MM:g} to {MAX_TRANSLATION_MM:g} mm, or exactly 0",
     )
 
 
-def _hint(length: float, low_mm: float, high_mm: float, option: str) -> str:
-    """Name the first unit, metres before millimetres, in which the length makes sense."""
-    for unit in (Unit.M, Unit.MM, Unit.CM, Unit.INCH):
-        if low_mm <= length * unit.mm <= high_mm:
-            return f" (looks like {unit}: set {option} {unit})"
+def _hint(
+    length: float, typical_mm: tuple[float, float], allowed_mm: tuple[float, float], option: str
+) -> str:
+    """Name the first unit, metres before millimetres, in which the length is best explained."""
+    for low_mm, high_mm in (typical_mm, allowed_mm):
+        for unit in (Unit.M, Unit.MM, Unit.CM, Unit.INCH):
+            if low_mm <= length * unit.mm <= high_mm:
+                return f" (looks like {unit}: set {option} {unit})"
     return f" (no unit fits; {option} sets it)"
