@@ -79,7 +79,7 @@ def refine_pose(
         cloud = voxel_downsample(points_camera, step.voxel_mm)
         pairs = None
         converged = False
-        for _ in range(step.iterations):
+        for iteration in range(step.iterations):
             total += 1
             moved = cloud @ rotation.T + translation
             if pairs is None:
@@ -93,24 +93,61 @@ def refine_pose(
             if shift < config.converged_shift_mm:
                 converged = True
                 break
-            if shift > _REPAIR_SHIFT_MM:
+            # pairs that keep changing can run in a circle: the last third keeps them
+            if shift > _REPAIR_SHIFT_MM and 3 * iteration < 2 * step.iterations:
                 pairs = None
+    refined = Transform.from_parts("prior", "camera", rotation, translation).inverse()
+    return assess_pose(
+        refined, points_camera, prepared, config, converged=converged, iterations=total
+    )
+
+
+def assess_pose(
+    camera_from_prior: Transform,
+    points_camera: FloatArray,
+    prepared: PreparedPrior,
+    config: FineConfig,
+    *,
+    converged: bool,
+    iterations: int,
+) -> FineResult:
+    """Measure residuals and covariance of a pose, at the last resolution, without moving it.
+
+    Args:
+        camera_from_prior: The pose.
+        points_camera: Shape (N, 3), mm, frame `camera`: motor points.
+        prepared: The prior.
+        config: Settings.
+        converged: What the refinement that led here says of itself.
+        iterations: How many steps it took.
+
+    Returns:
+        The pose with its quality.
+
+    Raises:
+        DegenerateGeometryError: No scan point lies near the prior.
+    """
     step = config.steps[-1]
     cloud = voxel_downsample(points_camera, step.voxel_mm)
-    moved = cloud @ rotation.T + translation
-    pairs = _find_pairs(moved, cloud, rotation, prepared, step.max_distance_mm)
+    inverse = camera_from_prior.inverse()
+    moved = inverse.apply(cloud)
+    pairs = _find_pairs(moved, cloud, inverse.rotation, prepared, step.max_distance_mm)
+    centre = prepared.centre_mm
     jacobian, residuals, weights = _linearise(moved, pairs, centre, prepared, step)
-    refined = Transform.from_parts("prior", "camera", rotation, translation).inverse()
-    centre_camera = refined.apply(centre)
+    if not weights.any():
+        raise DegenerateGeometryError(
+            f"no motor point lies within {step.kernel_mm} mm of the posed prior's planes"
+        )
+    centre_camera = camera_from_prior.apply(centre)
     rms = float(np.sqrt(np.sum(weights * residuals**2) / np.sum(weights)))
     return FineResult(
-        camera_from_prior=refined,
+        camera_from_prior=camera_from_prior,
         converged=converged,
-        iterations=total,
+        iterations=iterations,
         rms_mm=rms,
         inlier_ratio=float((weights > 0).sum() / len(cloud)),
         covariance=_covariance(
-            jacobian, weights, rms, refined.rotation, centre_camera, step.voxel_mm, config
+            jacobian, weights, rms, camera_from_prior.rotation, centre_camera, step.voxel_mm, config
         ),
         centre_mm=centre_camera,
     )
@@ -177,7 +214,9 @@ def _covariance(
     """
     scale = np.repeat([1.0 / _LEVER_MM, 1.0], 3)
     together = max(1.0, (config.correlation_length_mm / voxel_mm) ** 2)
-    information = (jacobian * weights[:, None]).T @ jacobian / (rms_mm**2 * together)
+    # noise-free data would claim certainty; 0.01 mm is below any sensor's noise
+    variance = max(rms_mm, 0.01) ** 2 * together
+    information = (jacobian * weights[:, None]).T @ jacobian / variance
     # a direction without any information gets a sigma of 1000 mm at the lever, not infinity
     information += 1e-6 * np.eye(6)
     covariance = np.linalg.inv(information) * np.outer(scale, scale)

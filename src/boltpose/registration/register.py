@@ -14,7 +14,8 @@ from boltpose.geometry.transforms import Transform, rotation_angle_rad
 from boltpose.registration.batch import PoseBatch, score_batch, step_batch
 from boltpose.registration.coarse import register_coarsely
 from boltpose.registration.config import RegistrationConfig
-from boltpose.registration.icp import FineResult, refine_pose
+from boltpose.registration.icp import FineResult, assess_pose, refine_pose
+from boltpose.registration.paper import register_as_paper
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.scene import Scene, free_space_violation, judge_surface
 from boltpose.schema import Registration
@@ -74,6 +75,8 @@ def register(
             motor_point_count=len(thinned),
             used_offsets=False,
         )
+    if config.method != "multi_start":
+        return _register_as_paper(prepared, points, thinned, config, scene)
     coarse = register_coarsely(prepared, thinned, config.coarse)
     order = np.random.default_rng(config.coarse.seed).permutation(len(thinned))
     sample = thinned[order[: config.ranking_points]]
@@ -83,6 +86,34 @@ def register(
         message=f"{len(candidates)} candidates" if candidates else "no pose fits the motor points",
         motor_point_count=len(thinned),
         used_offsets=coarse.used_offsets,
+    )
+
+
+def _register_as_paper(
+    prepared: PreparedPrior,
+    points: FloatArray,
+    thinned: FloatArray,
+    config: RegistrationConfig,
+    scene: Scene | None,
+) -> RegistrationResult:
+    pose = register_as_paper(
+        prepared, points, config.paper, is_point_to_plane=config.method == "paper"
+    )
+    candidates: tuple[Registration, ...] = ()
+    message = f"1 candidate by method {config.method}"
+    try:
+        fine = assess_pose(pose, points, prepared, config.fine, converged=True, iterations=0)
+        order = np.random.default_rng(config.coarse.seed).permutation(len(thinned))
+        sample = thinned[order[: config.ranking_points]]
+        score = rank_pose(pose, sample, prepared, config, scene)
+        candidates = _as_registrations([_Candidate(pose, score, fine)])
+    except DegenerateGeometryError as error:
+        message = f"method {config.method} found no pose: {error}"
+    return RegistrationResult(
+        candidates=candidates,
+        message=message,
+        motor_point_count=len(thinned),
+        used_offsets=False,
     )
 
 
@@ -150,6 +181,10 @@ def _refine_candidates(
     for candidate in everything:
         if not any(_is_same_pose(candidate, kept, prepared, config) for kept in distinct):
             distinct.append(candidate)
+    return _as_registrations(distinct)
+
+
+def _as_registrations(distinct: list[_Candidate]) -> tuple[Registration, ...]:
     return tuple(
         Registration(
             camera_from_prior=candidate.pose,
