@@ -1,0 +1,89 @@
+"""Views with their features, computed once and kept on disk."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from boltpose.arrays import Float32Array, IntArray
+from boltpose.datasets.reman18 import LabelledCloud, Reman18
+from boltpose.schema import Part
+from boltpose.segmentation.scene_features import (
+    SCENE_CONFIG,
+    SCENE_WIDTH,
+    VOXEL_MM,
+    compute_scene_features,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SceneCloud:
+    """A view ready for the scene network."""
+
+    motor: str
+    family: str
+    view: int
+    features: Float32Array
+    """Shape (G, SCENE_WIDTH), one row per voxel."""
+    motor_share: Float32Array
+    """Shape (G,), share of the voxel's points that lie on the motor."""
+    counts: IntArray
+    """Shape (G,), points of every voxel."""
+
+
+def build_scene_cloud(motor: str, family: str, number: int, view: LabelledCloud) -> SceneCloud:
+    """Describe one view."""
+    described = compute_scene_features(view.points)
+    counts = np.bincount(described.voxel)
+    on_motor = np.bincount(described.voxel, weights=view.labels != Part.BACKGROUND)
+    return SceneCloud(
+        motor=motor,
+        family=family,
+        view=number,
+        features=described.features,
+        motor_share=(on_motor / counts).astype(np.float32),
+        counts=counts.astype(np.int64),
+    )
+
+
+def load_scene_clouds(
+    data: Reman18, cache: Path, *, on_motor: Callable[[str], None] = lambda motor: None
+) -> tuple[SceneCloud, ...]:
+    """All views of all motors; described on the first call, read from `cache` afterwards."""
+    described = json.dumps([asdict(SCENE_CONFIG), SCENE_WIDTH, VOXEL_MM], sort_keys=True)
+    key = hashlib.sha256(described.encode()).hexdigest()[:12]
+    cache.mkdir(parents=True, exist_ok=True)
+    clouds: list[SceneCloud] = []
+    for motor in data.motors:
+        on_motor(motor)
+        family = data.family(motor)
+        for number in range(data.view_count(motor)):
+            path = cache / f"{motor}_{number}_{key}.npz"
+            if not path.exists():
+                cloud = build_scene_cloud(motor, family, number, data.view(motor, number))
+                temporary = path.with_suffix(".tmp.npz")
+                np.savez(
+                    temporary,
+                    allow_pickle=False,
+                    features=cloud.features,
+                    motor_share=cloud.motor_share,
+                    counts=cloud.counts,
+                )
+                temporary.replace(path)
+            with np.load(path, allow_pickle=False) as file:
+                clouds.append(
+                    SceneCloud(
+                        motor=motor,
+                        family=family,
+                        view=number,
+                        features=file["features"],
+                        motor_share=file["motor_share"],
+                        counts=file["counts"],
+                    )
+                )
+    return tuple(clouds)

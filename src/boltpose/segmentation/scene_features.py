@@ -1,0 +1,111 @@
+"""The numbers by which the scene network knows a point of a view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from boltpose.arrays import Float32Array, FloatArray, IntArray, as_points
+from boltpose.geometry.local_features import LocalFeatureConfig, compute_local_features
+from boltpose.geometry.normals import estimate_normals, orient_towards
+from boltpose.geometry.sampling import group_means, voxel_groups
+
+VOXEL_MM = 5.0
+"""Views are thinned to this; the mask is as fine, and is refined after registration."""
+
+SCENE_CONFIG = LocalFeatureConfig(radii_mm=(12.0, 22.0, 40.0), neighbours=24)
+"""From the edge of a housing to the breadth of a motor."""
+
+ROTATED_COLUMNS = ((0, 1, 2), (3, 4, 5))
+"""Columns that turn with the view: position and normal."""
+
+SCALED_COLUMNS = (0, 1, 2, 6)
+"""Columns that grow with the scene."""
+
+SCENE_WIDTH = 8 + SCENE_CONFIG.width
+"""Number of columns."""
+
+_NORMAL_NEIGHBOURS = 12
+_PLANE_HYPOTHESES = 200
+_PLANE_TOLERANCE_MM = 4.0
+_MAX_SHARE_BEHIND = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SceneFeatures:
+    """A view as the scene network sees it."""
+
+    points: FloatArray
+    """Shape (G, 3), mm, frame `camera`: mean of the points of every voxel."""
+    features: Float32Array
+    """Shape (G, SCENE_WIDTH)."""
+    voxel: IntArray
+    """Shape (N,), for every point of the view the row it belongs to."""
+
+
+def compute_scene_features(points_camera: npt.ArrayLike) -> SceneFeatures:
+    """Thin a view and describe what is left.
+
+    Columns: position about the middle of the scene (100 mm) and normal, both along the camera's
+    axes; height above the ground plane (100 mm); the normal's share away from it; then the local
+    features with that plane's normal as up.
+
+    Args:
+        points_camera: Shape (N, 3), N >= 3, mm, frame `camera`.
+
+    Raises:
+        ShapeError: The shape is another one or a value is not finite.
+    """
+    cloud = as_points(points_camera, "points_camera", at_least=3)
+    voxel = voxel_groups(cloud, VOXEL_MM)
+    points = group_means(cloud, voxel)
+    if len(points) < 3:
+        points = np.concatenate([points, np.repeat(points[-1:], 3 - len(points), axis=0)])
+    normals = orient_towards(points, estimate_normals(points, _NORMAL_NEIGHBOURS), (0.0, 0.0, 0.0))
+    ground_normal, ground_height = find_ground(points, normals)
+    general = np.column_stack(
+        [
+            (points - np.median(points, axis=0)) / 100,
+            normals,
+            (points @ ground_normal - ground_height) / 100,
+            normals @ ground_normal,
+        ]
+    ).astype(np.float32)
+    local = compute_local_features(points, normals, ground_normal, SCENE_CONFIG)
+    return SceneFeatures(
+        points=points, features=np.concatenate([general, local], axis=1), voxel=voxel
+    )
+
+
+def find_ground(
+    points: FloatArray, normals: FloatArray, *, seed: int = 0
+) -> tuple[FloatArray, float]:
+    """Find the largest plane that hardly anything lies behind, as the plate under a clamp.
+
+    Args:
+        points: Shape (N, 3), mm, frame `camera`.
+        normals: Shape (N, 3), unit, towards the camera.
+        seed: Of the planes tried.
+
+    Returns:
+        Unit normal, shape (3,), towards the camera, and the plane's height along it, mm. Where
+        there is no such plane: the plane across the viewing axis behind the farthest points.
+    """
+    rng = np.random.default_rng(seed)
+    tried = rng.integers(0, len(points), size=min(_PLANE_HYPOTHESES, len(points)))
+    candidates = normals[tried]
+    offsets = np.einsum("hi,hi->h", candidates, points[tried])
+    height = points @ candidates.T - offsets
+    on_plane = (np.abs(height) < _PLANE_TOLERANCE_MM) & (normals @ candidates.T > 0.9)
+    behind = (height < -3 * _PLANE_TOLERANCE_MM).mean(axis=0)
+    score = np.where(behind < _MAX_SHARE_BEHIND, on_plane.sum(axis=0), -1)
+    best = int(np.argmax(score))
+    if score[best] < 3:
+        return np.array([0.0, 0.0, -1.0]), float(-np.quantile(points[:, 2], 0.98))
+    members = points[on_plane[:, best]]
+    centre = members.mean(axis=0)
+    normal = np.linalg.eigh((members - centre).T @ (members - centre))[1][:, 0]
+    normal = normal if normal @ candidates[best] > 0 else -normal
+    return normal, float(centre @ normal)

@@ -1,0 +1,183 @@
+"""Whole training runs: train, export, score on the family left out, write the results down."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import torch
+
+from boltpose.datasets.part_clouds import scan_normals
+from boltpose.datasets.reman18 import Reman18
+from boltpose.io.atomic import write_atomic
+from boltpose.schema import Part
+from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE
+from boltpose.segmentation.part_features import (
+    CONTEXT_RADII_MM,
+    FEATURE_CONFIG,
+    FEATURE_WIDTH,
+    INPUT_WIDTH,
+)
+from boltpose.segmentation.parts import OnnxPartPredictor
+from boltpose.segmentation.predictor import PARTS, PartPredictor, ScenePredictor
+from boltpose.segmentation.scene import OnnxScenePredictor
+from boltpose.segmentation.scene_features import SCENE_CONFIG, SCENE_WIDTH, VOXEL_MM
+from boltpose.training.export import export_onnx, round_to_half
+from boltpose.training.parts import PartsConfig, train_parts
+from boltpose.training.scene import SceneConfig, train_scene
+from boltpose.training.scores import SegmentationScores, confusion_matrix, score_confusion
+
+METRICS_FILE = "metrics.json"
+
+Progress = Callable[[str, int, int, float], None]
+"""Called with what is being fitted, the step, the number of steps and the loss."""
+
+
+def _no_progress(what: str, step: int, steps: int, loss: float) -> None:
+    """Report nothing."""
+
+
+def prepare_torch() -> None:
+    """Make training fast and the same on every machine with the same processor.
+
+    Attention turns most weights into denormal numbers, on which processors are slow: treating
+    them as zero makes training 2.5 times faster.
+    """
+    torch.set_num_threads(1)
+    torch.set_flush_denormal(True)
+
+
+def train_part_models(
+    data: Reman18,
+    leave_out: str | None,
+    cache: Path,
+    out: Path,
+    config: PartsConfig | None = None,
+    *,
+    on_progress: Progress = _no_progress,
+) -> SegmentationScores | None:
+    """Train the part networks and write them as ONNX.
+
+    Args:
+        data: The labelled motors.
+        leave_out: Family not to be seen; None for all.
+        cache: Folder for features and checkpoints.
+        out: Folder for parts_local.onnx, parts.onnx and metrics.json.
+        config: The recipe.
+        on_progress: Told every step.
+
+    Returns:
+        Scores on the family left out, through the exported networks; None if none was.
+    """
+    recipe = config or PartsConfig()
+    prepare_torch()
+    networks = train_parts(data, leave_out, cache, recipe, on_progress=on_progress)
+    round_to_half(networks.local)
+    round_to_half(networks.context)
+    export_onnx(
+        networks.local,
+        out / PARTS_LOCAL_FILE,
+        kind="parts_local",
+        settings={
+            "inputs": FEATURE_WIDTH,
+            "radii_mm": list(FEATURE_CONFIG.radii_mm),
+            "leave_out": leave_out,
+        },
+        sample_shape=(64, FEATURE_WIDTH),
+    )
+    export_onnx(
+        networks.context,
+        out / PARTS_FILE,
+        kind="parts",
+        settings={
+            "inputs": INPUT_WIDTH,
+            "context_radii_mm": list(CONTEXT_RADII_MM),
+            "sub_cloud": recipe.sub_cloud,
+            "leave_out": leave_out,
+        },
+        sample_shape=(2, 256, INPUT_WIDTH),
+    )
+    if leave_out is None:
+        return None
+    predictor = OnnxPartPredictor(out / PARTS_LOCAL_FILE, out / PARTS_FILE)
+    scores = score_parts(predictor, data, data.motors_of(leave_out))
+    write_metrics(out, "parts", scores, recipe.describe())
+    return scores
+
+
+def train_scene_model(
+    data: Reman18,
+    leave_out: str | None,
+    cache: Path,
+    out: Path,
+    config: SceneConfig | None = None,
+    *,
+    on_progress: Progress = _no_progress,
+) -> SegmentationScores | None:
+    """Train the scene network and write it as ONNX; arguments as for `train_part_models`."""
+    recipe = config or SceneConfig()
+    prepare_torch()
+    network = train_scene(data, leave_out, cache, recipe, on_progress=on_progress)
+    round_to_half(network)
+    export_onnx(
+        network,
+        out / SCENE_FILE,
+        kind="scene",
+        settings={
+            "inputs": SCENE_WIDTH,
+            "radii_mm": list(SCENE_CONFIG.radii_mm),
+            "voxel_mm": VOXEL_MM,
+            "sub_cloud": recipe.sub_cloud,
+            "leave_out": leave_out,
+        },
+        sample_shape=(2, 256, SCENE_WIDTH),
+    )
+    if leave_out is None:
+        return None
+    predictor = OnnxScenePredictor(out / SCENE_FILE)
+    scores = score_scene(predictor, data, data.motors_of(leave_out))
+    write_metrics(out, "scene", scores, recipe.describe())
+    return scores
+
+
+def score_parts(
+    predictor: PartPredictor, data: Reman18, motors: tuple[str, ...]
+) -> SegmentationScores:
+    """Score a part predictor on full scans; all points are pooled."""
+    confusion = np.zeros((len(PARTS), len(PARTS)), dtype=np.int64)
+    for motor in motors:
+        scan = data.full_scan(motor)
+        guess = predictor.predict(scan.points, scan_normals(scan.points)).labels
+        confusion += confusion_matrix(scan.labels - 1, guess - 1, len(PARTS))
+    return score_confusion(confusion, [part.name.lower() for part in PARTS])
+
+
+def score_scene(
+    predictor: ScenePredictor, data: Reman18, motors: tuple[str, ...]
+) -> SegmentationScores:
+    """Score a scene predictor on all views of motors; all points are pooled."""
+    confusion = np.zeros((2, 2), dtype=np.int64)
+    for motor in motors:
+        for number in range(data.view_count(motor)):
+            view = data.view(motor, number)
+            guess = predictor.predict(view.points) > 0.5
+            confusion += confusion_matrix(view.labels != Part.BACKGROUND, guess, 2)
+    return score_confusion(confusion, ["background", "motor"])
+
+
+def write_metrics(
+    folder: Path, network: str, scores: SegmentationScores, recipe: Mapping[str, Any]
+) -> None:
+    """Add the scores of a network to the folder's metrics.json."""
+    path = folder / METRICS_FILE
+    known: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
+    known[network] = {"held_out": scores.to_json(), "recipe": dict(recipe)}
+    text = json.dumps(known, indent=1, sort_keys=True) + "\n"
+
+    def write(stream: BinaryIO) -> None:
+        stream.write(text.encode())
+
+    write_atomic(path, write)
