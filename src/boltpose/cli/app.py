@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from boltpose import __version__
-from boltpose.cli import demo, evaluate, locate, prior_build, prior_edit, prior_show
+from boltpose.cli import demo, evaluate, locate, prior_build, prior_edit, prior_show, train
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.errors import BoltposeError
 
@@ -21,7 +21,9 @@ app = typer.Typer(
     epilog="Exit codes: 0 ok, 2 bad input, 3 pose refused, 130 interrupted.",
 )
 prior_app = typer.Typer(help="Build, look at and correct what is known of a motor beforehand.")
+train_app = typer.Typer(help="Train the networks (needs the `train` extra).")
 app.add_typer(prior_app, name="prior")
+app.add_typer(train_app, name="train")
 
 prior_app.command("build")(prior_build.build)
 prior_app.command("show")(prior_show.show)
@@ -29,9 +31,12 @@ prior_app.command("edit")(prior_edit.edit)
 app.command("locate")(locate.locate_bolts)
 app.command("demo")(demo.run_demo)
 app.command("evaluate")(evaluate.evaluate)
+train_app.command("parts")(train.train_parts)
+train_app.command("scene")(train.train_scene)
 
 
 @prior_app.callback(invoke_without_command=True)
+@train_app.callback(invoke_without_command=True)
 def _show_help(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())

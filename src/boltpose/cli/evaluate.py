@@ -20,7 +20,7 @@ def evaluate(
     models: Annotated[
         Path,
         typer.Option("--models", metavar="DIR", help="Networks trained without each family."),
-    ] = Path("runs/models"),
+    ] = Path("data/models"),
     records: Annotated[
         Path, typer.Option("--records", metavar="DIR", help="One JSON file per motor, resumable.")
     ] = Path("results/evaluate"),

@@ -94,7 +94,7 @@ def _score_table(verdict: Verdict) -> Table:
 
 def _bolt_table(result: LocateResult) -> Table:
     table = _table(
-        f"head_top and outward axis in frame '{result.frame}', mm; sigma beside/along it, of its axis"
+        f"head_top and outward axis in frame '{result.frame}', mm; sigma beside/along and of axis"
     )
     table.add_column("id", no_wrap=True)
     table.add_column("side", no_wrap=True)

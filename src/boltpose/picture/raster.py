@@ -137,7 +137,8 @@ def _slope(depth: Float32Array, filled: BoolArray, axis: int) -> Float32Array:
     for side in (pair, last):
         total[tuple(side)] += np.where(good, step, np.float32(0))
         count[tuple(side)] += good
-    return total / np.maximum(count, 1)
+    share: Float32Array = total / np.maximum(count, np.float32(1))
+    return share
 
 
 def _creases(surface: Float32Array, filled: BoolArray) -> Float32Array:

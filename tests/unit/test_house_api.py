@@ -1,0 +1,34 @@
+"""The public names are a promise; a change of them is a decision, seen as a diff."""
+
+from __future__ import annotations
+
+import json
+
+import boltpose
+from boltpose.errors import BoltposeError
+from tests.support import api_surface
+
+
+def test_the_public_names_are_those_on_record() -> None:
+    # after an intended change: python -m tests.support.api_surface
+    recorded = json.loads(api_surface.PATH.read_text(encoding="utf-8"))
+    assert api_surface.describe_api() == recorded
+
+
+def test_dir_and_all_agree_and_strangers_are_told() -> None:
+    assert set(boltpose.__all__) <= set(dir(boltpose))
+    assert not hasattr(boltpose, "no_such_name")
+
+
+def test_every_error_is_ours_and_a_builtin() -> None:
+    import boltpose.errors
+
+    kinds = [
+        kind
+        for kind in vars(boltpose.errors).values()
+        if isinstance(kind, type) and issubclass(kind, BoltposeError) and kind is not BoltposeError
+    ]
+    assert len(kinds) >= 8
+    for kind in kinds:
+        builtins = (ValueError, ImportError, OSError, KeyError, TypeError, RuntimeError)
+        assert issubclass(kind, builtins), kind
