@@ -16,7 +16,7 @@ from boltpose.arrays import FloatArray
 from boltpose.errors import InputFileError
 
 _MAX_BYTES = 1_000_000
-_MAX_NODES = 200_000
+_MAX_NODES = 20_000
 _CSV_SUFFIXES = (".csv", ".txt")
 _YAML_SUFFIXES = (".yaml", ".yml")
 _CONTAINER_KEYS = frozenset({"data", "floatmatrix", "matrix"})
