@@ -26,10 +26,11 @@ from boltpose.segmentation.voting import VotingConfig, split_randomly
 
 _THREADS = 2
 _LOCAL_CHUNK = 8192
+_TINY = np.float32(1e-7)
 
 
 class OnnxPartPredictor:
-    """Local evidence from dense features, then PCT over random sub-clouds of the whole scan.
+    """Local evidence from dense features, then PCT over random sub-clouds; both vote.
 
     The answer belongs to the set of points, not to their order: they are sorted first.
     """
@@ -80,12 +81,15 @@ class OnnxPartPredictor:
         voted = np.zeros((len(cloud), len(PARTS)), dtype=np.float32)
         for turn in range(self.config.passes):
             voted += _in_chunks(
-                lambda part: softmax(self.context.run(inputs[part][None])[0] / temperature),
+                lambda part: softmax(self.context.run(inputs[part][None])[0]),
                 split_randomly(len(cloud), size, np.random.default_rng([self.config.seed, turn])),
                 len(cloud),
             )
-        probabilities = np.zeros_like(voted)
-        probabilities[order] = voted / self.config.passes
+        voted /= np.float32(self.config.passes)
+        weight = np.float32(self.context.settings["local_weight"])
+        both = softmax((1 - weight) * np.log(voted + _TINY) + weight * np.log(local + _TINY))
+        probabilities = np.zeros_like(both)
+        probabilities[order] = softmax((np.log(both + _TINY) / temperature).astype(np.float32))
         return PartProbabilities(probabilities=probabilities, frame=described.frame)
 
 

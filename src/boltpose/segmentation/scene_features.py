@@ -15,22 +15,27 @@ from boltpose.geometry.sampling import group_means, voxel_groups
 VOXEL_MM = 5.0
 """Views are thinned to this; the mask is as fine, and is refined after registration."""
 
-SCENE_CONFIG = LocalFeatureConfig(radii_mm=(12.0, 22.0, 40.0), neighbours=24)
-"""From the edge of a housing to the breadth of a motor."""
+SCENE_CONFIG = LocalFeatureConfig(radii_mm=(12.0, 22.0, 40.0, 70.0), neighbours=24)
+"""From the edge of a housing to the length of a motor."""
 
-ROTATED_COLUMNS = ((0, 1, 2), (3, 4, 5))
-"""Columns that turn with the view: position and normal."""
+ROTATED_COLUMNS = ([0, 1, 2], [3, 4, 5])
+"""Columns that turn with the scene: position and normal."""
 
-SCALED_COLUMNS = (0, 1, 2, 6)
+SCALED_COLUMNS = [0, 1, 2, 6]
 """Columns that grow with the scene."""
 
-SCENE_WIDTH = 8 + SCENE_CONFIG.width
+GENERAL_COLUMNS = 9
+"""Columns before the local features."""
+
+SCENE_WIDTH = GENERAL_COLUMNS + SCENE_CONFIG.width
 """Number of columns."""
 
 _NORMAL_NEIGHBOURS = 12
 _PLANE_HYPOTHESES = 200
 _PLANE_TOLERANCE_MM = 4.0
 _MAX_SHARE_BEHIND = 0.1
+_STANDING_MM = 30.0
+"""Points this far above the plate stand on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -48,9 +53,11 @@ class SceneFeatures:
 def compute_scene_features(points_camera: npt.ArrayLike) -> SceneFeatures:
     """Thin a view and describe what is left.
 
-    Columns: position about the middle of the scene (100 mm) and normal, both along the camera's
-    axes; height above the ground plane (100 mm); the normal's share away from it; then the local
-    features with that plane's normal as up.
+    The scene is turned so that the plate under the clamp is level: z along its normal, y away
+    from the camera, the origin on the plate under the middle of what stands on it. Columns:
+    position (100 mm) and normal in that frame; distance from its z axis (100 mm); height as a
+    share of the scene's; the normal's share towards the camera; then the local features with
+    that z axis as up.
 
     Args:
         points_camera: Shape (N, 3), N >= 3, mm, frame `camera`.
@@ -65,18 +72,34 @@ def compute_scene_features(points_camera: npt.ArrayLike) -> SceneFeatures:
         points = np.concatenate([points, np.repeat(points[-1:], 3 - len(points), axis=0)])
     normals = orient_towards(points, estimate_normals(points, _NORMAL_NEIGHBOURS), (0.0, 0.0, 0.0))
     ground_normal, ground_height = find_ground(points, normals)
+    rotation = _level(ground_normal)
+    level = points @ rotation.T - (0.0, 0.0, ground_height)
+    standing = level[:, 2] > _STANDING_MM
+    centre = np.median(level[standing] if standing.any() else level, axis=0)
+    level[:, :2] -= centre[:2]
+    rays = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     general = np.column_stack(
         [
-            (points - np.median(points, axis=0)) / 100,
-            normals,
-            (points @ ground_normal - ground_height) / 100,
-            normals @ ground_normal,
+            level / 100,
+            normals @ rotation.T,
+            np.linalg.norm(level[:, :2], axis=1) / 100,
+            level[:, 2] / max(float(np.quantile(level[:, 2], 0.98)), _STANDING_MM),
+            -np.einsum("ni,ni->n", normals, rays),
         ]
     ).astype(np.float32)
     local = compute_local_features(points, normals, ground_normal, SCENE_CONFIG)
     return SceneFeatures(
         points=points, features=np.concatenate([general, local], axis=1), voxel=voxel
     )
+
+
+def _level(up: FloatArray) -> FloatArray:
+    """Rotation, (3, 3), into axes with z along `up` and y away from the camera."""
+    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    if np.linalg.norm(away) < 0.1:  # seen from straight above: the top of the picture is away
+        away = np.array([0.0, -1.0, 0.0]) + up[1] * up
+    away /= np.linalg.norm(away)
+    return np.stack([np.cross(away, up), away, up])
 
 
 def find_ground(

@@ -96,6 +96,7 @@ def train_part_models(
             "inputs": INPUT_WIDTH,
             "context_radii_mm": list(CONTEXT_RADII_MM),
             "sub_cloud": recipe.sub_cloud,
+            "local_weight": recipe.local_weight,
             "leave_out": leave_out,
         },
         sample_shape=(2, 256, INPUT_WIDTH),
