@@ -474,8 +474,8 @@ def main() -> None:
                 if args.only in (None, "wrong"):
                     rows += wrong_scene_cases(view, priors, data, config)
                 print(f"{motor} view {number}: {len(rows)} cases", flush=True)
-    if args.csv:
-        write_csv(args.csv, rows)
+                if args.csv:
+                    write_csv(args.csv, rows)
     print_tables(rows)
     print_accuracy(rows)
 

@@ -156,8 +156,9 @@ class FineConfig:
 class SceneConfig:
     """The depth buffer of a whole scan."""
 
-    cell_rad: float = 0.004
-    """Angular size of a cell; 2.8 mm at 700 mm."""
+    cell_mm: float = 2.8
+    """Size of a cell at the scan's median depth: 0.004 rad at 700 mm, as in FINDINGS section 1. It
+    must exceed the 1.5 mm between a prior's coarse points, or its back shines through."""
     max_points: int = 300_000
     """Larger scans are thinned by a stride first."""
 
@@ -282,6 +283,9 @@ class EvidenceConfig:
     tight_mm: float = 0.35
     """An explained point with a smaller plane residual lies on the surface: about four times the
     0.05-0.12 mm error of a reman18 pixel."""
+    coverage_mm: float = 1.5
+    """A point of the prior is covered if the scan has one this near, or twice the scan's own
+    spacing where that is more."""
     sample_points: int = 20_000
     """Motor points looked at, by stride."""
 
@@ -296,10 +300,11 @@ class VerifyConfig:
     min_motor_points: int = 300
     """On 2 mm voxels."""
     max_free_space_violation: float = 0.01
-    min_explained: float = 0.7
+    min_explained: float = 0.5
     min_tight: float = 0.9
     min_coverage: float = 0.87
-    min_judged_points: int = 1000
+    min_judged_points: int = 2000
+    min_measured: float = 0.5
     min_margin: float = 0.03
     max_bolt_sigma_mm: float = 0.5
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
@@ -313,6 +318,7 @@ class VerifyConfig:
                 "min_explained",
                 "min_tight",
                 "min_coverage",
+                "min_measured",
                 "min_margin",
             ),
         )

@@ -11,7 +11,13 @@ from boltpose.arrays import BoolArray, FloatArray
 from boltpose.geometry.sampling import voxel_downsample
 from boltpose.registration.config import EvidenceConfig
 from boltpose.registration.prepare import PreparedPrior
-from boltpose.registration.scene import Scene, Standing, free_space_violation, judge_surface
+from boltpose.registration.scene import (
+    Scene,
+    Standing,
+    free_space_violation,
+    judge_surface,
+    measured_share,
+)
 from boltpose.schema import Registration
 
 
@@ -31,6 +37,8 @@ class Evidence:
     """Share of the surface in free view on which scan points lie."""
     judged_points: int
     """Coarse prior points in free view with a measurement."""
+    measured: float
+    """Share of the surface in free view in whose direction anything was measured."""
     margin: float
     """Score ahead of the best clearly different pose."""
     bolt_sigma_mm: float
@@ -66,8 +74,9 @@ def gather_evidence(
         free_space_violation=free_space_violation(standing),
         explained=explained,
         tight=tight,
-        coverage=_coverage(registration, prepared, scene, judged),
+        coverage=_coverage(registration, prepared, scene, judged, config),
         judged_points=int(judged.sum()),
+        measured=measured_share(standing),
         margin=registration.score - registration.runner_up_score,
         bolt_sigma_mm=bolt_sigma_mm(registration, prepared),
         converged=registration.converged,
@@ -117,6 +126,7 @@ def _coverage(
     prepared: PreparedPrior,
     scene: Scene,
     judged: BoolArray,
+    config: EvidenceConfig,
 ) -> float:
     surface = prepared.coarse_points[judged].astype(np.float64)
     if not len(surface):
@@ -130,5 +140,10 @@ def _coverage(
     if not len(points):
         return 0.0
     tree = KDTree(points)
-    distance, _ = tree.query(surface, distance_upper_bound=1.5, workers=-1)
+    reach = config.coverage_mm
+    if len(points) > 1:
+        # a coarser scan cannot have a point as near everywhere
+        spacing, _ = tree.query(points[:: max(1, len(points) // 500)], k=2)
+        reach = max(reach, 2.0 * float(np.median(spacing[:, 1])))
+    distance, _ = tree.query(surface, distance_upper_bound=reach, workers=-1)
     return float(np.isfinite(distance).mean())

@@ -72,11 +72,9 @@ def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None)
     config = config or SceneConfig()
     cloud = as_points(points_camera, "points_camera", at_least=0)
     cloud = cloud[:: max(1, -(-len(cloud) // config.max_points))]
-    # 72 degrees to each side: beyond it z is no depth any more, and one stray point would blow
-    # up the buffer
-    ahead = (cloud[:, 2] > 0) & (np.abs(cloud[:, :2]).max(axis=1, initial=0.0) < 3 * cloud[:, 2])
-    cloud = cloud[ahead]
-    cell = np.floor(cloud[:, :2] / cloud[:, 2:] / config.cell_rad).astype(np.int64)
+    cloud = cloud[is_ahead(cloud)]
+    cell_rad = config.cell_mm / float(np.median(cloud[:, 2])) if len(cloud) else 1.0
+    cell = np.floor(cloud[:, :2] / cloud[:, 2:] / cell_rad).astype(np.int64)
     if len(cell):
         origin = cell.min(axis=0) - 1
         shape = cell.max(axis=0) - origin + 2
@@ -90,7 +88,7 @@ def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None)
     nearest[flat[order[::-1]]] = cloud[order[::-1], 2]
     return Scene(
         points=freeze(cloud),
-        cell_rad=config.cell_rad,
+        cell_rad=cell_rad,
         origin_cell=freeze(origin),
         nearest_mm=freeze(nearest.reshape(shape)),
         farthest_mm=freeze(farthest.reshape(shape)),
@@ -123,31 +121,48 @@ def judge_surface(
     points = camera_from_prior.apply(prepared.coarse_points)
     normals = camera_from_prior.rotate(prepared.coarse_normals)
     cosine = -np.einsum("ni,ni->n", points, normals) / np.linalg.norm(points, axis=1)
-    row, column, inside = scene.cells(points)
-    depth = points[:, 2]
-    facing = cosine > min_facing
     standing = np.full(len(points), int(Standing.NOT_FACING), dtype=np.int64)
-    standing[facing] = Standing.UNMEASURED
-    facing &= inside
-    own = np.full(scene.nearest_mm.shape, np.inf)
-    in_view = np.flatnonzero(inside & (cosine > 0))
-    order = in_view[np.argsort(-depth[in_view], kind="stable")]
-    own[row[order], column[order]] = depth[order]
-    own_front = minimum_filter(own, size=3, mode="constant", cval=np.inf)
+    candidates = np.flatnonzero((cosine > 0) & is_ahead(points))
+    if not len(candidates):
+        return standing
+    points, cosine = points[candidates], cosine[candidates]
+    depth = points[:, 2]
     # across a neighbouring cell the depth of a slanted surface changes by its slope
     slope = np.sqrt(np.maximum(1.0 - cosine**2, 0.0)) / np.maximum(cosine, min_facing)
     allowance = tolerance_mm + 1.5 * scene.cell_rad * depth * slope
-    behind_own = depth > own_front[row, column] + allowance
-    near = minimum_filter(scene.nearest_mm, size=3, mode="constant", cval=np.inf)
-    far = maximum_filter(scene.farthest_mm, size=3, mode="constant", cval=-np.inf)
-    measured = np.isfinite(scene.nearest_mm[row, column])
-    seen_near, seen_far = near[row, column], far[row, column]
-    standing[facing & behind_own] = Standing.NOT_FACING
-    judged = facing & ~behind_own & measured
-    standing[judged] = Standing.CONFIRMED
-    standing[judged & (depth > seen_far + tolerance_mm)] = Standing.OCCLUDED
-    standing[judged & (depth < seen_near - tolerance_mm)] = Standing.VIOLATING
+    is_front = depth <= _own_front(points, scene.cell_rad) + allowance
+    is_front &= cosine > min_facing
+    row, column, inside = scene.cells(points)
+    near = minimum_filter(scene.nearest_mm, size=3, mode="constant", cval=np.inf)[row, column]
+    far = maximum_filter(scene.farthest_mm, size=3, mode="constant", cval=-np.inf)[row, column]
+    judged = is_front & inside & np.isfinite(scene.nearest_mm[row, column])
+    verdict = np.full(len(points), int(Standing.NOT_FACING), dtype=np.int64)
+    verdict[is_front] = Standing.UNMEASURED
+    verdict[judged] = Standing.CONFIRMED
+    verdict[judged & (depth > far + tolerance_mm)] = Standing.OCCLUDED
+    verdict[judged & (depth < near - tolerance_mm)] = Standing.VIOLATING
+    standing[candidates] = verdict
     return standing
+
+
+def is_ahead(points_camera: FloatArray) -> BoolArray:
+    """Tell which points, (N, 3), lie in front of the camera, at most 72 degrees to a side.
+
+    Farther to the side z is no depth any more, and one stray point would blow up a buffer.
+    """
+    depth = points_camera[:, 2]
+    return (depth > 0) & (np.abs(points_camera[:, :2]).max(axis=1, initial=0.0) < 3 * depth)
+
+
+def _own_front(points: FloatArray, cell_rad: float) -> FloatArray:
+    """Smallest depth, shape (N,), of the points themselves around each point's cell."""
+    cell = np.floor(points[:, :2] / points[:, 2:] / cell_rad).astype(np.int64)
+    cell -= cell.min(axis=0)
+    front = np.full(tuple(cell.max(axis=0) + 1), np.inf)
+    order = np.argsort(-points[:, 2], kind="stable")
+    front[cell[order, 0], cell[order, 1]] = points[order, 2]  # the last write, the nearest, stays
+    front = minimum_filter(front, size=3, mode="constant", cval=np.inf)
+    return front[cell[:, 0], cell[:, 1]]
 
 
 def free_space_violation(standing: IntArray) -> float:
@@ -155,3 +170,10 @@ def free_space_violation(standing: IntArray) -> float:
     violating = int(np.sum(standing == Standing.VIOLATING))
     confirmed = int(np.sum(standing == Standing.CONFIRMED))
     return violating / max(violating + confirmed, 1)
+
+
+def measured_share(standing: IntArray) -> float:
+    """Share, 0 to 1, of the surface in free view in whose direction anything was measured."""
+    judged = np.isin(standing, (Standing.CONFIRMED, Standing.VIOLATING))
+    unmeasured = int(np.sum(standing == Standing.UNMEASURED))
+    return float(judged.sum()) / max(int(judged.sum()) + unmeasured, 1)

@@ -113,7 +113,13 @@ def _rules(evidence: Evidence, config: VerifyConfig) -> list[_Rule]:
             Check.COVERAGE,
             "judged_points",
             config.min_judged_points,
-            "prior points (1.5 mm) in free view",
+            "prior points (1.5 mm apart) in free view",
+        ),
+        at_least(
+            Check.COVERAGE,
+            "measured",
+            config.min_measured,
+            "share of the prior's surface in free view in whose direction anything was measured",
         ),
         at_least(
             Check.AMBIGUOUS,

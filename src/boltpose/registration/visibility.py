@@ -54,11 +54,19 @@ def see_bolts(
         ShapeError: `scan_points` is not (N, 3) and finite.
     """
     config = config or VisibilityConfig()
-    points = camera_from_prior.inverse().apply(as_points(scan_points, "scan_points", at_least=0))
-    return tuple(
-        _see_bolt(bolt, head_surface(prepared, bolt), points, config)
-        for bolt in prepared.prior.bolts
-    )
+    points = as_points(scan_points, "scan_points", at_least=0)
+    squared = np.einsum("ni,ni->n", points, points)
+    sights: list[BoltSight] = []
+    for bolt in prepared.prior.bolts:
+        head = camera_from_prior.apply(head_surface(prepared, bolt))
+        near = points
+        if len(head):
+            centre = head.mean(axis=0)
+            reach = np.linalg.norm(head - centre, axis=1).max() + config.tolerance_mm
+            # |p - c|^2 < r^2, with one pass over millions of points instead of six
+            near = points[squared - 2.0 * (points @ centre) < reach**2 - centre @ centre]
+        sights.append(_see_bolt(bolt, head, near, config))
+    return tuple(sights)
 
 
 def classify_visibility(fraction: float, scan_points: int, config: VisibilityConfig) -> Visibility:
@@ -93,18 +101,14 @@ def head_surface(prepared: PreparedPrior, bolt: PriorBolt) -> FloatArray:
 
 
 def _see_bolt(
-    bolt: PriorBolt, head: FloatArray, scan: FloatArray, config: VisibilityConfig
+    bolt: PriorBolt, head: FloatArray, near: FloatArray, config: VisibilityConfig
 ) -> BoltSight:
     fraction, count = 0.0, 0
-    if len(head):
-        low = head.min(axis=0) - config.tolerance_mm
-        high = head.max(axis=0) + config.tolerance_mm
-        near = scan[((scan >= low) & (scan <= high)).all(axis=1)]
-        if len(near):
-            distance, _ = KDTree(near).query(head, distance_upper_bound=config.tolerance_mm)
-            fraction = float(np.isfinite(distance).mean())
-            back, _ = KDTree(head).query(near, distance_upper_bound=config.tolerance_mm)
-            count = int(np.isfinite(back).sum())
+    if len(head) and len(near):
+        distance, _ = KDTree(near).query(head, distance_upper_bound=config.tolerance_mm)
+        fraction = float(np.isfinite(distance).mean())
+        back, _ = KDTree(head).query(near, distance_upper_bound=config.tolerance_mm)
+        count = int(np.isfinite(back).sum())
     return BoltSight(
         bolt_id=bolt.id,
         visible_fraction=fraction,

@@ -124,7 +124,7 @@ def test_relabelling_finds_exactly_the_points_near_the_prior() -> None:
         lambda: CoarseConfig(convincing_score=1.5),
         lambda: FineStep(voxel_mm=1.0, max_distance_mm=-1.0, kernel_mm=0.3),
         lambda: FineConfig(steps=()),
-        lambda: SceneConfig(cell_rad=float("nan")),
+        lambda: SceneConfig(cell_mm=float("nan")),
         lambda: PaperConfig(icp_distances_mm=(10.0, 0.0)),
         lambda: RegistrationConfig(method="guess"),  # type: ignore[arg-type]
         lambda: VerifyConfig(min_tight=1.2),

@@ -99,6 +99,17 @@ def test_noise_is_refused() -> None:
     assert Check.FIT in verdict.failed
 
 
+def test_a_small_patch_of_the_right_motor_is_not_enough(scan, best) -> None:
+    points, is_motor = scan
+    motor = points[is_motor]
+    patch = motor[np.linalg.norm(motor - motor[0], axis=1) < 25.0]
+
+    verdict = verify(best, prepared_motor(), build_scene(patch), patch)
+
+    assert verdict.failed == (Check.COVERAGE,)
+    assert verdict.scores["measured"] < 0.5
+
+
 def test_no_pose_is_refused_for_too_few_points() -> None:
     verdict = verify(None, prepared_motor(), build_scene(np.zeros((0, 3))), np.zeros((0, 3)))
 
