@@ -17,7 +17,8 @@ _TUKEY_TO_SIGMA = 4.685
 def tukey_weights(residuals: FloatArray, cutoff: float) -> FloatArray:
     """Tukey's bisquare weights: 1 at zero, 0 from `cutoff` on; same shape as `residuals`."""
     scaled = np.clip(np.abs(residuals) / cutoff, 0.0, 1.0)
-    return (1.0 - scaled * scaled) ** 2
+    inside = 1.0 - scaled * scaled
+    return inside * inside
 
 
 def robust_sigma(residuals: FloatArray) -> float:

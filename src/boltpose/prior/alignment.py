@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, UInt8Array, as_points
-from boltpose.errors import DegenerateGeometryError, ShapeError
+from boltpose.errors import ConfigError, DegenerateGeometryError, ShapeError
 from boltpose.geometry.primitives import fit_circle
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.housing_axis import HousingAxis, HousingAxisConfig, find_housing_axis
@@ -36,13 +36,13 @@ class AlignmentConfig:
 
     def __post_init__(self) -> None:
         if self.min_part_points < 20:
-            raise ValueError(f"min_part_points must be >= 20, got {self.min_part_points}")
+            raise ConfigError(f"min_part_points must be >= 20, got {self.min_part_points}")
         for name in ("min_connector_distance_mm", "min_solenoid_offset"):
             if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be > 0, got {getattr(self, name)}")
+                raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
         low, high = self.solenoid_radius_range_mm
         if not 0 < low < high:
-            raise ValueError(f"solenoid_radius_range_mm must increase from > 0, got {low}, {high}")
+            raise ConfigError(f"solenoid_radius_range_mm must increase from > 0, got {low}, {high}")
 
 
 def align_motor(
@@ -177,7 +177,8 @@ def _solenoid_direction(
     offset = float(np.linalg.norm(centre))
     if offset < config.min_solenoid_offset * axis.radius_mm:
         return None
-    return centre @ basis / offset
+    direction = centre @ basis
+    return direction / np.linalg.norm(direction)
 
 
 def _any_perpendicular(z: FloatArray) -> FloatArray:

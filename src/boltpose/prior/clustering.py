@@ -21,13 +21,10 @@ class ClusterConfig:
     """Points within `eps_mm` that make a core point."""
     min_points: int = 25
     """A cluster of fewer points is debris: the smallest head (M4 pan, half hidden) has 100."""
-    max_width_mm: float = 20.0
-    """A cluster wider than a head across the axis is split."""
 
     def __post_init__(self) -> None:
-        for name in ("eps_mm", "max_width_mm"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
+        if not self.eps_mm > 0:
+            raise ConfigError(f"eps_mm must be > 0, got {self.eps_mm}")
         for name in ("min_samples", "min_points"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} must be >= 1, got {getattr(self, name)}")

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from boltpose.arrays import FloatArray
+from boltpose.arrays import BoolArray, FloatArray
 from boltpose.errors import ConfigError
 from boltpose.geometry.primitives import tukey_weights
 
 _SECTORS = 24
+_OCTANTS = 8
 _RIDGE = 1e-6
 
 
@@ -18,27 +19,29 @@ _RIDGE = 1e-6
 class HeadFitConfig:
     """Fit of a head's axis to oriented points."""
 
-    radius_range_mm: tuple[float, float] = (2.2, 10.0)
-    """Half the spanner size (or head diameter) of M3 to M12 heads."""
-    start_radii_mm: tuple[float, ...] = (3.5, 4.75, 6.5)
-    """M4, M5/M6 and M8 heads; the fit reaches about 1.5 mm to either side."""
+    radius_range_mm: tuple[float, float] = (2.2, 9.0)
+    """Half the spanner size (or head diameter) of M3 to M10 heads."""
+    start_radii_mm: tuple[float, ...] = (3.0, 4.0, 5.0, 6.5)
+    """M3 to M8 heads; the fit reaches about 1.5 mm to either side."""
     start_shift_mm: float = 1.5
     """Starts are also tried this far to four sides: a cluster seen from one side is off."""
     cutoffs_mm: tuple[float, ...] = (1.5, 1.0, 0.6, 0.4, 0.4, 0.4, 0.4, 0.4)
     """Tukey cut-off of the distances, one per step; ends at eight times the scan's noise."""
-    reach_mm: float = 9.0
-    """Points further from the axis do not count: another part begins."""
-    depth_mm: float = 9.0
-    """Points further below the top of the head do not count; M8 socket heads are 8 mm high."""
-    sigma_point_mm: float = 0.12
-    """1 sigma of one sector-balanced point, neighbours being correlated. From reman18."""
+    depth_mm: tuple[float, float] = (2.5, 4.5)
+    """Below the top of the head points count fully down to the first, no more from the second
+    depth on: heads are 3 to 8 mm high, and a boss under the head is round too."""
+    max_face_offset_mm: float = 0.8
+    """1 sigma by which the middle of the seen top face may lie off the axis, for half-seen faces;
+    ranks the starts only."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.radius_range_mm[0] < self.radius_range_mm[1]:
-            raise ConfigError(f"radius_range_mm must increase from > 0: {self.radius_range_mm}")
+        for name in ("radius_range_mm", "depth_mm"):
+            low, high = getattr(self, name)
+            if not 0 < low < high:
+                raise ConfigError(f"{name} must increase from > 0, got {low}, {high}")
         if not self.start_radii_mm or not self.cutoffs_mm:
             raise ConfigError("start_radii_mm and cutoffs_mm must not be empty")
-        for name in ("start_shift_mm", "reach_mm", "depth_mm", "sigma_point_mm"):
+        for name in ("start_shift_mm", "max_face_offset_mm"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
 
@@ -55,12 +58,16 @@ class HeadFit:
     """Smallest eigenvalue of the centre's information, the radius being unknown, in points of
     weight one: high only if flank or cone is seen from directions all around."""
     sigma_mm: float
-    """1 sigma of the centre in its worse direction."""
+    """1 sigma of the centre in its worse direction, from leaving out an eighth of the turn."""
+    score: float
+    """Support, lowered where the face does not sit in the middle; ranks fits of one head."""
+    face_offset_mm: float
+    """From the centre to the middle of the top face's points."""
 
 
 def fit_head(
     points: FloatArray, normals: FloatArray, start_mm: FloatArray, config: HeadFitConfig
-) -> HeadFit:
+) -> HeadFit | None:
     """Find the centre on which the outward normals around a head agree.
 
     A flank's point p with horizontal normal u satisfies u.(p - c) = r, on a cylinder and on each
@@ -76,97 +83,123 @@ def fit_head(
         config: Settings.
 
     Returns:
-        The start's best fit by support; support 0 means that nothing was found.
+        The best fit of several starts, or None if no start ends in a head of possible size.
     """
-    height = points[:, 2]
-    near = (height > -config.depth_mm) & (height < 1.0)
-    near &= np.linalg.norm(points[:, :2] - start_mm, axis=1) < config.reach_mm + 2.0
-    equations = _Equations.build(points[near], normals[near], config)
-    best = HeadFit(centre_mm=start_mm.copy(), radius_mm=0.0, support=0.0, sigma_mm=np.inf)
+    reach = config.radius_range_mm[1] + 1.0
+    near = (points[:, 2] > -config.depth_mm[1]) & (points[:, 2] < 0.5)
+    near &= np.linalg.norm(points[:, :2] - start_mm, axis=1) < reach
+    if near.sum() < 10:
+        return None
+    equations = _Equations(points[near], normals[near], config)
     shift = config.start_shift_mm
-    for offset in ((0.0, 0.0), (shift, 0.0), (-shift, 0.0), (0.0, shift), (0.0, -shift)):
-        for radius in config.start_radii_mm:
-            fit = equations.solve(start_mm + np.array(offset), radius)
-            if fit is not None and fit.support > best.support:
-                best = fit
-    return best
+    offsets = np.array([(0.0, 0.0), (shift, 0.0), (-shift, 0.0), (0.0, shift), (0.0, -shift)])
+    centres = np.repeat(start_mm + offsets, len(config.start_radii_mm), axis=0)
+    radii = np.tile(np.array(config.start_radii_mm), len(offsets))
+    return equations.best_fit(centres, radii)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Equations:
-    """Oriented points prepared for the linear system."""
+    """Oriented points prepared for the linear system, solved for all starts at once."""
 
-    xy: FloatArray
-    u: FloatArray
-    t: FloatArray
-    level: FloatArray
-    is_flank: FloatArray
-    is_cone: FloatArray
-    sector: np.ndarray[tuple[int], np.dtype[np.int64]]
-    config: HeadFitConfig
-
-    @classmethod
-    def build(cls, points: FloatArray, normals: FloatArray, config: HeadFitConfig) -> _Equations:
+    def __init__(self, points: FloatArray, normals: FloatArray, config: HeadFitConfig) -> None:
+        self._config = config
+        self._xy = points[:, :2]
         level = np.linalg.norm(normals[:, :2], axis=1)
-        u = normals[:, :2] / np.maximum(level, 1e-9)[:, None]
-        turn = (np.arctan2(u[:, 1], u[:, 0]) / np.pi + 1) * (_SECTORS / 2)
-        return cls(
-            xy=points[:, :2],
-            u=u,
-            t=np.column_stack([-u[:, 1], u[:, 0]]),
-            level=level,
-            is_flank=(np.abs(normals[:, 2]) < 0.4).astype(np.float64),
-            is_cone=((normals[:, 2] > 0.25) & (level > 0.25)).astype(np.float64),
-            sector=np.floor(turn).astype(np.int64) % _SECTORS,
-            config=config,
-        )
+        self._u = normals[:, :2] / np.maximum(level, 1e-9)[:, None]
+        self._t = np.column_stack([-self._u[:, 1], self._u[:, 0]])
+        fade = config.depth_mm[1] - config.depth_mm[0]
+        depth_weight = np.clip((points[:, 2] + config.depth_mm[1]) / fade, 0.0, 1.0)
+        self._flank = depth_weight * (np.abs(normals[:, 2]) < 0.4)
+        # the direction of a nearly vertical normal is uncertain
+        self._cone = depth_weight * 0.5 * np.minimum(1.0, 1.2 * level) ** 2
+        self._cone *= (normals[:, 2] > 0.25) & (level > 0.25)
+        turn = (np.arctan2(self._u[:, 1], self._u[:, 0]) / np.pi + 1) * (_SECTORS / 2)
+        self._sector = np.floor(turn).astype(np.int64) % _SECTORS
+        self._in_sector = np.eye(_SECTORS)[self._sector]
+        self._face = self._xy[(normals[:, 2] > 0.8) & (points[:, 2] > -0.6)]
+        rows_u = np.column_stack([self._u, np.ones(len(level))])
+        rows_t = np.column_stack([self._t, np.zeros(len(level))])
+        self._products_u = (rows_u[:, :, None] * rows_u[:, None]).reshape(-1, 9)
+        self._products_t = (rows_t[:, :, None] * rows_t[:, None]).reshape(-1, 9)
+        self._right_u = rows_u * np.einsum("ni,ni->n", self._xy, self._u)[:, None]
+        self._right_t = rows_t * np.einsum("ni,ni->n", self._xy, self._t)[:, None]
 
-    def solve(self, centre: FloatArray, radius: float) -> HeadFit | None:
-        smallest, largest = self.config.radius_range_mm
-        matrix = np.eye(3)
-        for cutoff in self.config.cutoffs_mm:
-            flank, cone = self._weights(centre, radius, cutoff)
-            rows_u = np.column_stack([self.u, np.ones(len(self.u))])
-            rows_t = np.column_stack([self.t, np.zeros(len(self.t))])
-            matrix = np.einsum("ni,n,nj->ij", rows_u, flank, rows_u)
-            matrix += np.einsum("ni,n,nj->ij", rows_t, cone, rows_t) + _RIDGE * np.eye(3)
-            right = rows_u.T @ (flank * np.einsum("ni,ni->n", self.xy, self.u))
-            right += rows_t.T @ (cone * np.einsum("ni,ni->n", self.xy, self.t))
-            right += _RIDGE * np.array([centre[0], centre[1], radius])
-            solution = np.linalg.solve(matrix, right)
-            centre, radius = solution[:2], float(solution[2])
-            if not smallest <= radius <= largest:
-                return None
-        coupling = matrix[:2, 2]
-        information = matrix[:2, :2] - np.outer(coupling, coupling) / matrix[2, 2]
-        support = float(np.linalg.eigvalsh(information)[0])
-        if not support > 0:
+    def best_fit(self, centres: FloatArray, radii: FloatArray) -> HeadFit | None:
+        smallest, largest = self._config.radius_range_mm
+        flank = cone = np.zeros((len(radii), len(self._xy)))
+        matrix = np.zeros((len(radii), 3, 3))
+        for cutoff in self._config.cutoffs_mm:
+            flank, cone = self._weights(centres, radii, cutoff)
+            previous = np.column_stack([centres, radii])
+            matrix, solution = self._solve(flank, cone, previous)
+            centres, radii = solution[:, :2], np.clip(solution[:, 2], smallest, largest)
+        support = _information(matrix)
+        offset = self._face_offset(centres, radii)
+        score = support * np.exp(-0.5 * (offset / self._config.max_face_offset_mm) ** 2)
+        score[(radii <= smallest) | (radii >= largest)] = 0.0
+        best = int(np.argmax(score))
+        if not score[best] > 0:
             return None
         return HeadFit(
-            centre_mm=centre,
-            radius_mm=radius,
-            support=support,
-            sigma_mm=self.config.sigma_point_mm / support**0.5,
+            centre_mm=centres[best],
+            radius_mm=float(radii[best]),
+            support=float(support[best]),
+            sigma_mm=self._jackknife(flank[best], cone[best], centres[best], float(radii[best])),
+            score=float(score[best]),
+            face_offset_mm=float(offset[best]),
         )
 
     def _weights(
-        self, centre: FloatArray, radius: float, cutoff: float
+        self, centres: FloatArray, radii: FloatArray, cutoff: float
     ) -> tuple[FloatArray, FloatArray]:
-        arm = self.xy - centre
-        distance = np.linalg.norm(arm, axis=1)
-        along = np.einsum("ni,ni->n", arm, self.u)
-        beside = np.einsum("ni,ni->n", arm, self.t)
-        outward = (along > 0.5 * distance).astype(np.float64)
-        # a hexagon's face ends at 0.58 r from its middle
-        on_face = outward * (np.abs(beside) < 0.75 * radius)
-        flank = self.is_flank * on_face * tukey_weights(along - radius, cutoff)
-        cone = self.is_cone * outward * tukey_weights(beside, 2 * cutoff)
-        cone *= (distance > 1.5) & (distance < self.config.reach_mm)
-        # the direction of a nearly vertical normal is uncertain
-        cone *= 0.5 * np.minimum(1.0, 1.2 * self.level) ** 2
-        total = np.bincount(self.sector, flank + cone, _SECTORS)
-        seen = total > 0.5
-        if not seen.any():
-            return flank, cone
-        share = np.minimum(np.median(total[seen]) / np.maximum(total, 1.0), 1.5)[self.sector]
+        arm = self._xy - centres[:, None]
+        distance = np.linalg.norm(arm, axis=2)
+        along = np.einsum("sni,ni->sn", arm, self._u)
+        beside = np.einsum("sni,ni->sn", arm, self._t)
+        size = radii[:, None]
+        outward: BoolArray = along > 0.5 * distance
+        # a hexagon's face ends at 0.58 r from its middle; a flange is at most 1.5 r wide
+        on_face = outward & (np.abs(beside) < 0.75 * size)
+        on_cone = outward & (distance > 1.5) & (distance < 1.5 * size + 0.5)
+        flank = self._flank * on_face * tukey_weights(along - size, cutoff)
+        cone = self._cone * on_cone * tukey_weights(beside, 2 * cutoff)
+        total = (flank + cone) @ self._in_sector
+        seen = np.where(total > 0.5, total, np.nan)
+        some = (total > 0.5).any(axis=1)
+        typical = np.ones(len(radii))
+        typical[some] = np.nanmedian(seen[some], axis=1)
+        share = np.minimum(typical[:, None] / np.maximum(total, 1.0), 1.5)[:, self._sector]
         return flank * share, cone * share
+
+    def _solve(
+        self, flank: FloatArray, cone: FloatArray, previous: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        matrix = (flank @ self._products_u + cone @ self._products_t).reshape(-1, 3, 3)
+        right = flank @ self._right_u + cone @ self._right_t
+        matrix = matrix + _RIDGE * np.eye(3)
+        solution = np.linalg.solve(matrix, (right + _RIDGE * previous)[:, :, None])
+        return matrix, solution[:, :, 0]
+
+    def _face_offset(self, centres: FloatArray, radii: FloatArray) -> FloatArray:
+        arm = self._face - centres[:, None]
+        inside = np.linalg.norm(arm, axis=2) < 1.2 * radii[:, None]
+        middle = np.einsum("sni,sn->si", arm, inside.astype(np.float64))
+        return np.linalg.norm(middle, axis=1) / np.maximum(inside.sum(axis=1), 1)
+
+    def _jackknife(
+        self, flank: FloatArray, cone: FloatArray, centre: FloatArray, radius: float
+    ) -> float:
+        octant = self._sector // (_SECTORS // _OCTANTS)
+        keep = (octant != np.arange(_OCTANTS)[:, None]).astype(np.float64)
+        previous = np.tile(np.array([centre[0], centre[1], radius]), (_OCTANTS, 1))
+        _, solution = self._solve(flank * keep, cone * keep, previous)
+        spread = solution[:, :2] - solution[:, :2].mean(axis=0)
+        covariance = (_OCTANTS - 1) / _OCTANTS * spread.T @ spread
+        return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+
+
+def _information(matrix: FloatArray) -> FloatArray:
+    """Smallest eigenvalue of the centre's information once the radius is fitted too."""
+    coupling = matrix[:, :2, 2]
+    outer = coupling[:, :, None] * coupling[:, None] / matrix[:, 2, 2][:, None, None]
+    return np.maximum(np.linalg.eigvalsh(matrix[:, :2, :2] - outer)[:, 0], 0.0)

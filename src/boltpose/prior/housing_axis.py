@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from boltpose.arrays import FloatArray
-from boltpose.errors import DegenerateGeometryError
+from boltpose.errors import ConfigError, DegenerateGeometryError
 from boltpose.geometry.primitives import (
     CylinderFit,
     fit_circle,
@@ -48,15 +48,15 @@ class HousingAxisConfig:
         for name in ("plane_tolerance", "min_inlier_ratio", "max_runner_up"):
             value = getattr(self, name)
             if not 0 < value < 1:
-                raise ValueError(f"{name} must be between 0 and 1, got {value}")
+                raise ConfigError(f"{name} must be between 0 and 1, got {value}")
         for name in ("max_axis_sigma_rad", "cylinder_tolerance_mm", "axis_sigma_floor_rad"):
             value = getattr(self, name)
             if not value > 0:
-                raise ValueError(f"{name} must be > 0, got {value}")
+                raise ConfigError(f"{name} must be > 0, got {value}")
         if not 0 < self.radius_range_mm[0] < self.radius_range_mm[1]:
-            raise ValueError(f"radius_range_mm must increase from > 0, got {self.radius_range_mm}")
+            raise ConfigError(f"radius_range_mm must increase from > 0, got {self.radius_range_mm}")
         if self.ransac_iterations < 1 or self.sample_size < 10:
-            raise ValueError("ransac_iterations must be >= 1 and sample_size >= 10")
+            raise ConfigError("ransac_iterations must be >= 1 and sample_size >= 10")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
