@@ -46,9 +46,10 @@ evaluate: $(VENV)/.dev.stamp ## leave-one-family-out on reman18 (long); writes d
 
 bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
 	$(PIP) -e ".[bench]"
-	$(BIN)/python -m benchmarks
+	for script in benchmarks/bench_*.py; do $(BIN)/python "$$script"; done
 
-docs: $(VENV)/.dev.stamp ## write docs/results.md again from the stored results
+docs: $(VENV)/.dev.stamp ## write the tree in ARCHITECTURE.md and docs/results.md again
+	$(BIN)/python -m tests.support.tree
 	$(BIN)/boltpose evaluate --report-only
 
 clean: ## remove what the targets above made, but not .venv

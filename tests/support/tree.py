@@ -31,7 +31,8 @@ HOUSE = {
     "benchmarks": "timings and comparisons that are no tests",
     "examples": "run by the tests",
     "docs": "conventions, formats, results, adr (why it is so)",
-    "data": "reman18, the simulated data set behind every number",
+    "data": "reman18 (simulated) behind every number; models: networks per family left out",
+    "results": "records of `boltpose evaluate`, one JSON per motor",
 }
 """Every tracked name in the repository's root."""
 
