@@ -19,7 +19,8 @@ _WANTED = "one 4x4 rigid transform in a .yaml, .yml, .json, .csv or .txt file"
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)
 _ROW_TOLERANCE = 1e-9
 """That of `Transform`."""
-_DIRECTION = re.compile(r"([a-z]+)_from_([a-z]+)", re.IGNORECASE)
+_DIRECTION = re.compile(r"([a-z]+)_from_([a-z]+)")
+_FRAMES = {"base", "flange", "tool", "camera", "prior", "motor", "bolt"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,15 +91,20 @@ def read_hand_eye(
 def _choose(path: Path, found: list[FoundMatrix], target: str, source: str) -> FloatArray:
     """Take the only matrix, or the one named like the wanted transform."""
     wanted_name = f"{target}_from_{source}"
-    named = [entry for entry in found if entry.key.lower() == wanted_name.lower()]
+    named = [entry for entry in found if entry.key.lower() == wanted_name]
     if len(named) == 1:
         found = named
     if len(found) != 1:
         keys = ", ".join(entry.key or "(unnamed)" for entry in found)
         text = f"{len(found)} matrices: {keys[:120]}" if found else "no 4x4 matrix"
         raise InputFileError(path, text, f"{_WANTED}, or one named {wanted_name}")
-    direction = _DIRECTION.fullmatch(found[0].key)
-    if direction and direction.group(1, 2) != (target, source):
+    direction = _DIRECTION.fullmatch(found[0].key.lower())
+    # `transform_from_calibration` says nothing about frames
+    if (
+        direction
+        and {*direction.groups()} <= _FRAMES | {target, source}
+        and (direction.group(1, 2) != (target, source))
+    ):
         raise InputFileError(path, f"a matrix named {found[0].key}", wanted_name)
     return found[0].matrix.copy()
 

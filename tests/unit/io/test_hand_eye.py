@@ -58,6 +58,8 @@ GOOD = {
     "flat.json": json.dumps(MATRIX.ravel().tolist()),
     "named.json": json.dumps({"made": "today", "base_from_camera": rows(), "serial": [1, 2]}),
     "chosen.json": json.dumps({"tool_from_tip": np.eye(4).tolist(), "base_from_camera": rows()}),
+    "shouting.json": json.dumps({"BASE_FROM_CAMERA": rows()}),
+    "no frames.json": json.dumps({"transform_from_calibration": rows()}),
     "nested.json": json.dumps({"calibration": {"result": {"matrix": rows()}}}),
     "text.yaml": "matrix:\n" + "".join(f"  - {[repr(v) for v in row]}\n" for row in rows()),
     "comma.csv": "\n".join(",".join(map(str, row)) for row in rows()),
@@ -206,6 +208,7 @@ def test_rotations_rounded_to_six_digits_are_accepted_and_made_exact(tmp_path: P
 
 REFUSED: dict[str, tuple[str, str]] = {
     "other way.json": (json.dumps({"camera_from_base": rows()}), "a matrix named camera_from_base"),
+    "shouting.json": (json.dumps({"CAMERA_FROM_BASE": rows()}), "a matrix named CAMERA_FROM"),
     "other frames.json": (json.dumps({"base_from_flange": rows()}), "named base_from_flange"),
     "two.json": (json.dumps({"a": rows(), "b": rows()}), "2 matrices: a, b"),
     "two unnamed.json": (json.dumps([rows(), rows()]), "2 matrices"),
