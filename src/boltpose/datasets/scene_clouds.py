@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from boltpose.segmentation.scene_features import (
     SCENE_CONFIG,
     SCENE_WIDTH,
     VOXEL_MM,
+    SceneFeatures,
     compute_scene_features,
 )
 
@@ -28,8 +29,8 @@ class SceneCloud:
     motor: str
     family: str
     view: int
-    features: Float32Array
-    """Shape (G, SCENE_WIDTH), one row per voxel."""
+    described: SceneFeatures
+    """One row per voxel; its `voxel` is not kept."""
     motor_share: Float32Array
     """Shape (G,), share of the voxel's points that lie on the motor."""
     counts: IntArray
@@ -45,7 +46,7 @@ def build_scene_cloud(motor: str, family: str, number: int, view: LabelledCloud)
         motor=motor,
         family=family,
         view=number,
-        features=described.features,
+        described=replace(described, voxel=np.zeros(0, dtype=np.int64)),
         motor_share=(on_motor / counts).astype(np.float32),
         counts=counts.astype(np.int64),
     )
@@ -55,7 +56,7 @@ def load_scene_clouds(
     data: Reman18, cache: Path, *, on_motor: Callable[[str], None] = lambda motor: None
 ) -> tuple[SceneCloud, ...]:
     """All views of all motors; described on the first call, read from `cache` afterwards."""
-    described = json.dumps([asdict(SCENE_CONFIG), SCENE_WIDTH, VOXEL_MM], sort_keys=True)
+    described = json.dumps([asdict(SCENE_CONFIG), 2, SCENE_WIDTH, VOXEL_MM], sort_keys=True)
     key = hashlib.sha256(described.encode()).hexdigest()[:12]
     cache.mkdir(parents=True, exist_ok=True)
     clouds: list[SceneCloud] = []
@@ -70,7 +71,8 @@ def load_scene_clouds(
                 np.savez(
                     temporary,
                     allow_pickle=False,
-                    features=cloud.features,
+                    points=cloud.described.points,
+                    features=cloud.described.features,
                     motor_share=cloud.motor_share,
                     counts=cloud.counts,
                 )
@@ -81,7 +83,11 @@ def load_scene_clouds(
                         motor=motor,
                         family=family,
                         view=number,
-                        features=file["features"],
+                        described=SceneFeatures(
+                            points=file["points"],
+                            features=file["features"],
+                            voxel=np.zeros(0, dtype=np.int64),
+                        ),
                         motor_share=file["motor_share"],
                         counts=file["counts"],
                     )

@@ -16,6 +16,7 @@ SHIPPED_WEIGHTS = Path(__file__).parent / "weights"
 
 PARTS_LOCAL_FILE = "parts_local.onnx"
 PARTS_FILE = "parts.onnx"
+SCENE_LOCAL_FILE = "scene_local.onnx"
 SCENE_FILE = "scene.onnx"
 
 
@@ -33,7 +34,7 @@ def load_models(folder: Path | None = None) -> Models:
     """Load the networks of a folder; they are opened on first use.
 
     Args:
-        folder: Holds parts_local.onnx, parts.onnx and scene.onnx; the shipped ones by default.
+        folder: Holds {parts,scene}{_local,}.onnx; the shipped ones by default.
 
     Returns:
         The models.
@@ -45,8 +46,8 @@ def load_models(folder: Path | None = None) -> Models:
     if not place.is_dir():
         raise InputFileError(place, "no folder", "a folder with the networks of boltpose")
     parts = OnnxPartPredictor(place / PARTS_LOCAL_FILE, place / PARTS_FILE)
-    scene = OnnxScenePredictor(place / SCENE_FILE)
-    networks = (parts.local, parts.context, scene.network)
+    scene = OnnxScenePredictor(place / SCENE_LOCAL_FILE, place / SCENE_FILE)
+    networks = (parts.local, parts.context, scene.local, scene.context)
     return Models(
         parts=parts,
         scene=scene,

@@ -1,36 +1,36 @@
-"""The scene network behind the `ScenePredictor` protocol."""
+"""The scene networks behind the `ScenePredictor` protocol."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import numpy.typing as npt
 
-from boltpose.arrays import Float32Array, IntArray, as_points
-from boltpose.segmentation.onnx_session import OnnxNetwork, softmax
+from boltpose.arrays import Float32Array, as_points
+from boltpose.segmentation.onnx_session import OnnxNetwork
 from boltpose.segmentation.scene_features import (
+    CONTEXT_RADII_MM,
+    LOCAL_COLUMNS,
     SCENE_CONFIG,
-    SCENE_WIDTH,
+    SCENE_INPUT_WIDTH,
     VOXEL_MM,
+    assemble_scene_inputs,
     compute_scene_features,
 )
-from boltpose.segmentation.voting import VotingConfig, split_randomly
-
-_THREADS = 2
+from boltpose.segmentation.voting import VotingConfig, label_cloud, label_rows
 
 
 class OnnxScenePredictor:
-    """PCT over random sub-clouds of a thinned view; every point takes its voxel's answer."""
+    """Local evidence and PCT over a thinned view; every point takes its voxel's answer."""
 
-    def __init__(self, network: Path, config: VotingConfig | None = None) -> None:
-        """Open the network of `boltpose.training.scene`.
+    def __init__(self, local: Path, context: Path, config: VotingConfig | None = None) -> None:
+        """Open the two networks of `boltpose.training.scene`.
 
         Raises:
-            InputFileError: The file is missing.
+            InputFileError: A file is missing.
         """
-        self.network = OnnxNetwork(network, "scene")
+        self.local = OnnxNetwork(local, "scene_local")
+        self.context = OnnxNetwork(context, "scene")
         self.config = config or VotingConfig()
 
     def predict(self, points_camera: npt.ArrayLike) -> Float32Array:
@@ -41,27 +41,14 @@ class OnnxScenePredictor:
 
         Raises:
             ShapeError: The shape is another one or a value is not finite.
-            InputFileError: The network cannot be used.
+            InputFileError: A network cannot be used.
         """
         cloud = as_points(points_camera, "points_camera", at_least=3)
-        self.network.require(
-            inputs=SCENE_WIDTH, radii_mm=list(SCENE_CONFIG.radii_mm), voxel_mm=VOXEL_MM
+        self.local.require(
+            inputs=len(LOCAL_COLUMNS), radii_mm=list(SCENE_CONFIG.radii_mm), voxel_mm=VOXEL_MM
         )
+        self.context.require(inputs=SCENE_INPUT_WIDTH, context_radii_mm=list(CONTEXT_RADII_MM))
         described = compute_scene_features(cloud)
-        count = len(described.features)
-        size = int(self.network.settings["sub_cloud"])
-        temperature = np.float32(self.network.temperature)
-        voted = np.zeros(count, dtype=np.float32)
-
-        def label(group: IntArray) -> Float32Array:
-            logits = self.network.run(described.features[group][None])[0]
-            return softmax(logits / temperature)[:, 1]
-
-        with ThreadPoolExecutor(_THREADS) as pool:
-            for turn in range(self.config.passes):
-                rng = np.random.default_rng([self.config.seed, turn])
-                groups = split_randomly(count, size, rng)
-                for group, motor in zip(groups, pool.map(label, groups), strict=True):
-                    voted[group] += motor
-        voted /= np.float32(self.config.passes)
-        return voted[described.voxel]
+        local = label_rows(self.local, described.features[:, LOCAL_COLUMNS])
+        inputs = assemble_scene_inputs(described, local[:, 1])
+        return label_cloud(self.context, local, inputs, self.config)[:, 1][described.voxel]

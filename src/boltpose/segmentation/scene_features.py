@@ -11,6 +11,7 @@ from boltpose.arrays import Float32Array, FloatArray, IntArray, as_points
 from boltpose.geometry.local_features import LocalFeatureConfig, compute_local_features
 from boltpose.geometry.normals import estimate_normals, orient_towards
 from boltpose.geometry.sampling import group_means, voxel_groups
+from boltpose.segmentation.context import Neighbourhoods
 
 VOXEL_MM = 5.0
 """Views are thinned to this; the mask is as fine, and is refined after registration."""
@@ -28,7 +29,16 @@ GENERAL_COLUMNS = 9
 """Columns before the local features."""
 
 SCENE_WIDTH = GENERAL_COLUMNS + SCENE_CONFIG.width
-"""Number of columns."""
+"""Number of columns of `features`."""
+
+LOCAL_COLUMNS = [2, *range(5, SCENE_WIDTH)]
+"""Columns stage one reads: all that do not turn with the scene."""
+
+CONTEXT_RADII_MM = (12.0, 25.0, 50.0)
+"""Neighbourhoods over which stage one's probabilities are averaged for stage two."""
+
+SCENE_INPUT_WIDTH = SCENE_WIDTH + 1 + len(CONTEXT_RADII_MM)
+"""Number of columns stage two reads."""
 
 _NORMAL_NEIGHBOURS = 12
 _PLANE_HYPOTHESES = 200
@@ -95,7 +105,7 @@ def compute_scene_features(points_camera: npt.ArrayLike) -> SceneFeatures:
 
 def _level(up: FloatArray) -> FloatArray:
     """Rotation, (3, 3), into axes with z along `up` and y away from the camera."""
-    away = np.array([0.0, 0.0, 1.0]) - up[2] * up
+    away: FloatArray = np.array([0.0, 0.0, 1.0]) - up[2] * up
     if np.linalg.norm(away) < 0.1:  # seen from straight above: the top of the picture is away
         away = np.array([0.0, -1.0, 0.0]) + up[1] * up
     away /= np.linalg.norm(away)
@@ -132,3 +142,17 @@ def find_ground(
     normal = np.linalg.eigh((members - centre).T @ (members - centre))[1][:, 0]
     normal = normal if normal @ candidates[best] > 0 else -normal
     return normal, float(centre @ normal)
+
+
+def assemble_scene_inputs(described: SceneFeatures, motor: Float32Array) -> Float32Array:
+    """Join what stage two reads.
+
+    Args:
+        described: The view.
+        motor: Shape (G,), stage one's probability of motor.
+
+    Returns:
+        Shape (G, SCENE_INPUT_WIDTH).
+    """
+    around = Neighbourhoods(described.points, CONTEXT_RADII_MM).average(motor[:, None])
+    return np.concatenate([described.features, motor[:, None], around], axis=1, dtype=np.float32)

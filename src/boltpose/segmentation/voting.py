@@ -1,17 +1,23 @@
-"""Whole clouds through networks that see a few thousand points at a time."""
+"""Whole clouds through networks that see a thousand points at a time, and the final vote."""
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from boltpose.arrays import IntArray
+from boltpose.arrays import Float32Array, IntArray
+from boltpose.segmentation.onnx_session import OnnxNetwork, softmax
+
+_THREADS = 2
+_ROWS = 8192
+_TINY = np.float32(1e-7)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VotingConfig:
-    """How a whole cloud is labelled by a network that sees a few thousand points at a time."""
+    """How a whole cloud is labelled by a network that sees a thousand points at a time."""
 
     passes: int = 1
     """Times every point is labelled, each time in other company; votes are averaged."""
@@ -26,3 +32,48 @@ def split_randomly(count: int, size: int, rng: np.random.Generator) -> list[IntA
     """Split 0 to `count` - 1 into random disjoint groups of about `size`."""
     groups = max(1, round(count / size))
     return [group.astype(np.int64) for group in np.array_split(rng.permutation(count), groups)]
+
+
+def label_rows(network: OnnxNetwork, rows: Float32Array) -> Float32Array:
+    """Probabilities, (N, classes), by a network that judges every row, (N, inputs), by itself."""
+
+    def label(part: Float32Array) -> Float32Array:
+        return softmax(network.run(part))
+
+    parts = np.array_split(rows, -(-len(rows) // _ROWS))
+    with ThreadPoolExecutor(_THREADS) as pool:
+        return np.concatenate(list(pool.map(label, parts)))
+
+
+def label_cloud(
+    network: OnnxNetwork, local: Float32Array, inputs: Float32Array, config: VotingConfig
+) -> Float32Array:
+    """Label every point by random disjoint sub-clouds and let stage one vote too.
+
+    Args:
+        network: Stage two; its settings hold `sub_cloud`, `local_weight` and `temperature`.
+        local: Shape (N, classes), stage one's probabilities.
+        inputs: Shape (N, inputs), what stage two reads.
+        config: Passes and seed.
+
+    Returns:
+        Probabilities, shape (N, classes): the weighted geometric mean of both stages, sharpened
+        or softened by the temperature.
+    """
+
+    def label(group: IntArray) -> Float32Array:
+        return softmax(network.run(inputs[group][None])[0])
+
+    voted = np.zeros(local.shape, dtype=np.float32)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for turn in range(config.passes):
+            rng = np.random.default_rng([config.seed, turn])
+            groups = split_randomly(len(inputs), int(network.settings["sub_cloud"]), rng)
+            for group, rows in zip(groups, pool.map(label, groups), strict=True):
+                voted[group] += rows
+    voted /= np.float32(config.passes)
+    weight = float(network.settings["local_weight"])
+    scores = (1 - weight) * np.log(voted + _TINY) + weight * np.log(local + _TINY)
+    # normalised before the temperature acts: it was fitted on normalised probabilities
+    both = np.log(softmax(scores.astype(np.float32)) + _TINY)
+    return softmax((both / network.temperature).astype(np.float32))

@@ -16,7 +16,7 @@ from boltpose.datasets.part_clouds import scan_normals
 from boltpose.datasets.reman18 import Reman18
 from boltpose.io.atomic import write_atomic
 from boltpose.schema import Part
-from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE
+from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE, SCENE_LOCAL_FILE
 from boltpose.segmentation.parts import OnnxPartPredictor
 from boltpose.segmentation.scene import OnnxScenePredictor
 
@@ -93,7 +93,7 @@ def _held_out(data: Reman18, folder: Path, family: str) -> tuple[Rows, Rows]:
     for name in (PARTS_FILE, SCENE_FILE):
         set_temperature(folder / name, 1.0)
     parts = OnnxPartPredictor(folder / PARTS_LOCAL_FILE, folder / PARTS_FILE)
-    scene = OnnxScenePredictor(folder / SCENE_FILE)
+    scene = OnnxScenePredictor(folder / SCENE_LOCAL_FILE, folder / SCENE_FILE)
     part_rows: list[tuple[Float32Array, IntArray]] = []
     scene_rows: list[tuple[Float32Array, IntArray]] = []
     rng = np.random.default_rng(0)

@@ -1,14 +1,14 @@
-"""Stage one of the part networks: local evidence, cross-fitted so that stage two is not misled.
+"""Stage one of both labellings: local evidence, cross-fitted so that stage two is not misled.
 
 Stage two reads the probabilities of stage one. On motors that stage one was trained on they are
-better than they will ever be on a new motor; so the motors of family j are labelled for training
+better than they will ever be on a new motor; so the clouds of family j are labelled for training
 by a network that has seen neither family j nor the family left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,58 +16,48 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from boltpose.arrays import Float32Array, IntArray
-from boltpose.datasets.part_clouds import PartCloud
 from boltpose.networks.point_mlp import PointMlp, PointMlpConfig
-from boltpose.segmentation.part_features import FEATURE_WIDTH, MIRRORED_COLUMNS
-from boltpose.training.augmentation import POSITION_ONLY_COLUMNS, PositionVariation
 from boltpose.training.loop import Batch, FitConfig, fit
 
-PART_CLASSES = 6
-"""`Part` 1 to 6; networks count from 0."""
+Rows = Mapping[str, tuple[Float32Array, IntArray]]
+"""Per family the features, (N, C), and the classes, (N,) from 0, of points to learn from."""
+
+Vary = Callable[[Float32Array, Float32Array, np.random.Generator], Float32Array]
+"""Changes features, (n, C), at random; told their standard deviations, (C,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalEvidenceConfig:
     """Recipe of stage one."""
 
-    rows_per_cloud: int = 16000
-    """Points drawn from every cloud."""
-    extra_rows: int = 1500
-    """Points drawn besides from each of the three small classes."""
     batch_rows: int = 2048
-    variation: PositionVariation = field(default_factory=PositionVariation)
     hidden: int = 128
-    fit: FitConfig = field(
-        default_factory=lambda: FitConfig(
-            steps=1500, class_weights=(1.0, 1.0, 1.0, 1.5, 1.5, 2.0), learning_rate=3e-3
-        )
-    )
+    fit: FitConfig
+
+    def __post_init__(self) -> None:
+        for name in ("batch_rows", "hidden"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
 
 
-def draw_rows(
-    clouds: Iterable[PartCloud], config: LocalEvidenceConfig, seed: int
-) -> dict[str, tuple[Float32Array, IntArray]]:
-    """Training rows of stage one, per family: features and classes from 0."""
-    rows: dict[str, list[Float32Array]] = {}
+def join_rows(rows: Iterable[tuple[str, Float32Array, IntArray]]) -> Rows:
+    """Collect features and classes, given with their family, per family."""
+    features: dict[str, list[Float32Array]] = {}
     classes: dict[str, list[IntArray]] = {}
-    for number, cloud in enumerate(clouds):
-        rng = np.random.default_rng([seed, number])
-        count = len(cloud.labels)
-        picks = [rng.permutation(count)[: config.rows_per_cloud]]
-        for small in (4, 5, 6):
-            picks.append(
-                rng.permutation(np.flatnonzero(cloud.labels == small))[: config.extra_rows]
-            )
-        index = np.concatenate(picks)
-        rows.setdefault(cloud.family, []).append(cloud.features[index])
-        classes.setdefault(cloud.family, []).append(cloud.labels[index].astype(np.int64) - 1)
-    return {name: (np.concatenate(rows[name]), np.concatenate(classes[name])) for name in rows}
+    for family, some_features, some_classes in rows:
+        features.setdefault(family, []).append(some_features)
+        classes.setdefault(family, []).append(some_classes)
+    return {
+        family: (np.concatenate(features[family]), np.concatenate(classes[family]))
+        for family in features
+    }
 
 
 def fit_local_evidence(
-    rows: dict[str, tuple[Float32Array, IntArray]],
+    rows: Rows,
     without: Iterable[str],
     config: LocalEvidenceConfig,
+    vary: Vary,
     *,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
@@ -77,31 +67,27 @@ def fit_local_evidence(
     features = torch.from_numpy(np.concatenate([rows[name][0] for name in kept]))
     classes = torch.from_numpy(np.concatenate([rows[name][1] for name in kept]))
     torch.manual_seed(config.fit.seed)
-    network = PointMlp(
-        PointMlpConfig(inputs=FEATURE_WIDTH, classes=PART_CLASSES, hidden=config.hidden)
-    )
+    network = _network(rows, config)
     network.set_standardisation(features.mean(0), features.std(0).clamp_min(1e-3))
-
-    spread = network.scale[POSITION_ONLY_COLUMNS].numpy()
+    spread = network.scale.numpy()
 
     def sample(rng: np.random.Generator) -> Batch:
         index = torch.from_numpy(rng.integers(0, len(features), size=config.batch_rows))
-        inputs = features[index]
-        mirrored = torch.from_numpy(rng.random(config.batch_rows) < 0.5)
-        for column in MIRRORED_COLUMNS:
-            inputs[mirrored, column] *= -1
-        draws = (config.batch_rows, len(POSITION_ONLY_COLUMNS))
-        inputs[:, POSITION_ONLY_COLUMNS] = torch.from_numpy(
-            config.variation.apply(inputs[:, POSITION_ONLY_COLUMNS].numpy(), spread, draws, rng)
-        )
-        return inputs, classes[index]
+        return torch.from_numpy(vary(features[index].numpy(), spread, rng)), classes[index]
 
     fit(network, sample, config.fit, on_step=on_step)
     return network
 
 
+def _network(rows: Rows, config: LocalEvidenceConfig) -> PointMlp:
+    """An untrained network that fits the rows."""
+    inputs = {features.shape[1] for features, _ in rows.values()}
+    classes = max(int(classes.max()) for _, classes in rows.values()) + 1
+    return PointMlp(PointMlpConfig(inputs=inputs.pop(), classes=classes, hidden=config.hidden))
+
+
 def predict_local_evidence(network: PointMlp, features: Float32Array) -> Float32Array:
-    """Probabilities, (N, 6), of points by their features, (N, FEATURE_WIDTH)."""
+    """Probabilities, (N, classes), of points by their features, (N, C)."""
     chunks: list[Float32Array] = []
     with torch.inference_mode():
         for start in range(0, len(features), 8192):
@@ -118,8 +104,9 @@ def stage_one_path(folder: Path, without: Iterable[str]) -> Path:
 def load_or_fit_local_evidence(
     folder: Path,
     without: Iterable[str],
-    rows: dict[str, tuple[Float32Array, IntArray]],
+    rows: Rows,
     config: LocalEvidenceConfig,
+    vary: Vary,
     *,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
@@ -127,12 +114,10 @@ def load_or_fit_local_evidence(
     left_out = sorted(without)
     path = stage_one_path(folder, left_out)
     if path.exists():
-        network = PointMlp(
-            PointMlpConfig(inputs=FEATURE_WIDTH, classes=PART_CLASSES, hidden=config.hidden)
-        )
+        network = _network(rows, config)
         network.load_state_dict(load_file(path))
         return network.eval()
-    network = fit_local_evidence(rows, left_out, config, on_step=on_step)
+    network = fit_local_evidence(rows, left_out, config, vary, on_step=on_step)
     folder.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(path.name + ".tmp")
     save_file(network.state_dict(), temporary)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from boltpose.datasets.part_clouds import PartCloud, PartCloudConfig, load_part_
 from boltpose.datasets.reman18 import Reman18
 from boltpose.networks.pct import Pct, PctConfig
 from boltpose.networks.point_mlp import PointMlp
+from boltpose.schema import Part
 from boltpose.segmentation.context import Neighbourhoods
 from boltpose.segmentation.part_features import (
     CONTEXT_RADII_MM,
@@ -23,11 +25,12 @@ from boltpose.segmentation.part_features import (
     MIRRORED_COLUMNS,
     assemble_inputs,
 )
+from boltpose.segmentation.predictor import PARTS
 from boltpose.training.augmentation import POSITION_ONLY_COLUMNS, PositionVariation
 from boltpose.training.local_evidence import (
-    PART_CLASSES,
     LocalEvidenceConfig,
-    draw_rows,
+    Rows,
+    join_rows,
     load_or_fit_local_evidence,
     predict_local_evidence,
 )
@@ -44,7 +47,17 @@ class PartsConfig:
     """Recipe of the part networks; the same for every family left out."""
 
     clouds: PartCloudConfig = field(default_factory=PartCloudConfig)
-    local: LocalEvidenceConfig = field(default_factory=LocalEvidenceConfig)
+    rows_per_cloud: int = 16000
+    """Points of every cloud that stage one learns from."""
+    extra_rows: int = 1500
+    """Points it learns from besides, from each of the three small classes."""
+    local: LocalEvidenceConfig = field(
+        default_factory=lambda: LocalEvidenceConfig(
+            fit=FitConfig(
+                steps=1500, class_weights=(1.0, 1.0, 1.0, 1.5, 1.5, 2.0), learning_rate=3e-3
+            )
+        )
+    )
     pool: int = 24000
     """Points of every cloud that sub-clouds are drawn from."""
     sub_cloud: int = 1024
@@ -124,7 +137,8 @@ def train_parts(
     if leave_out is not None:
         data.motors_of(leave_out)
     clouds = load_part_clouds(data, cache / "part_clouds", config=recipe.clouds, seed=recipe.seed)
-    rows = draw_rows(clouds, recipe.local, recipe.seed)
+    rows = draw_rows(clouds, recipe)
+    vary = partial(_vary_rows, recipe.variation)
 
     def local(without: set[str]) -> PointMlp:
         name = "local evidence without " + (", ".join(sorted(without)) or "none")
@@ -133,6 +147,7 @@ def train_parts(
             without,
             rows,
             recipe.local,
+            vary,
             on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
         )
 
@@ -154,6 +169,40 @@ def train_parts(
     return PartNetworks(local=local(outer), context=network[0], loss=network[1])
 
 
+def draw_rows(clouds: Iterable[PartCloud], recipe: PartsConfig) -> Rows:
+    """Points that stage one learns from."""
+
+    def draw(number: int, cloud: PartCloud) -> tuple[str, Float32Array, IntArray]:
+        rng = np.random.default_rng([recipe.seed, number])
+        picks = [rng.permutation(len(cloud.labels))[: recipe.rows_per_cloud]]
+        for small in (Part.ELECTRICAL_CONNECTOR, Part.GEAR, Part.BOLT):
+            members = np.flatnonzero(cloud.labels == small)
+            picks.append(rng.permutation(members)[: recipe.extra_rows])
+        index = np.concatenate(picks)
+        return cloud.family, cloud.features[index], cloud.labels[index].astype(np.int64) - 1
+
+    return join_rows(draw(number, cloud) for number, cloud in enumerate(clouds))
+
+
+def _vary_rows(
+    variation: PositionVariation,
+    features: Float32Array,
+    spread: Float32Array,
+    rng: np.random.Generator,
+) -> Float32Array:
+    """Mirror and vary points one by one, as stage one sees them."""
+    mirrored = rng.random(len(features)) < 0.5
+    for column in MIRRORED_COLUMNS:
+        features[mirrored, column] *= -1
+    features[:, POSITION_ONLY_COLUMNS] = variation.apply(
+        features[:, POSITION_ONLY_COLUMNS],
+        spread[POSITION_ONLY_COLUMNS],
+        (len(features), len(POSITION_ONLY_COLUMNS)),
+        rng,
+    )
+    return features
+
+
 def fit_context(
     pool: Pool,
     recipe: PartsConfig,
@@ -166,7 +215,7 @@ def fit_context(
     network = Pct(
         PctConfig(
             inputs=INPUT_WIDTH,
-            classes=PART_CLASSES,
+            classes=len(PARTS),
             channels=recipe.channels,
             layers=recipe.layers,
         )

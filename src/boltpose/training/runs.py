@@ -14,7 +14,7 @@ from boltpose.datasets.part_clouds import scan_normals
 from boltpose.datasets.reman18 import Reman18
 from boltpose.io.atomic import write_atomic
 from boltpose.schema import Part
-from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE
+from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE, SCENE_LOCAL_FILE
 from boltpose.segmentation.part_features import (
     CONTEXT_RADII_MM,
     FEATURE_CONFIG,
@@ -24,7 +24,13 @@ from boltpose.segmentation.part_features import (
 from boltpose.segmentation.parts import OnnxPartPredictor
 from boltpose.segmentation.predictor import PARTS, PartPredictor, ScenePredictor
 from boltpose.segmentation.scene import OnnxScenePredictor
-from boltpose.segmentation.scene_features import SCENE_CONFIG, SCENE_WIDTH, VOXEL_MM
+from boltpose.segmentation.scene_features import CONTEXT_RADII_MM as SCENE_CONTEXT_RADII_MM
+from boltpose.segmentation.scene_features import (
+    LOCAL_COLUMNS,
+    SCENE_CONFIG,
+    SCENE_INPUT_WIDTH,
+    VOXEL_MM,
+)
 from boltpose.training.export import export_onnx, round_to_half
 from boltpose.training.parts import PartsConfig, train_parts
 from boltpose.training.scene import SceneConfig, train_scene
@@ -118,27 +124,40 @@ def train_scene_model(
     *,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
-    """Train the scene network and write it as ONNX; arguments as for `train_part_models`."""
+    """Train the scene networks and write them as ONNX; arguments as for `train_part_models`."""
     recipe = config or SceneConfig()
     prepare_torch()
-    network = train_scene(data, leave_out, cache, recipe, on_progress=on_progress)
-    round_to_half(network)
+    networks = train_scene(data, leave_out, cache, recipe, on_progress=on_progress)
+    round_to_half(networks.local)
+    round_to_half(networks.context)
     export_onnx(
-        network,
+        networks.local,
+        out / SCENE_LOCAL_FILE,
+        kind="scene_local",
+        settings={
+            "inputs": len(LOCAL_COLUMNS),
+            "radii_mm": list(SCENE_CONFIG.radii_mm),
+            "voxel_mm": VOXEL_MM,
+            "leave_out": leave_out,
+        },
+        sample_shape=(64, len(LOCAL_COLUMNS)),
+    )
+    export_onnx(
+        networks.context,
         out / SCENE_FILE,
         kind="scene",
         settings={
-            "inputs": SCENE_WIDTH,
-            "radii_mm": list(SCENE_CONFIG.radii_mm),
-            "voxel_mm": VOXEL_MM,
+            "inputs": SCENE_INPUT_WIDTH,
+            "context_radii_mm": list(SCENE_CONTEXT_RADII_MM),
             "sub_cloud": recipe.sub_cloud,
+            "local_weight": recipe.local_weight,
             "leave_out": leave_out,
         },
-        sample_shape=(2, 256, SCENE_WIDTH),
+        sample_shape=(2, 256, SCENE_INPUT_WIDTH),
     )
     if leave_out is None:
         return None
-    predictor = OnnxScenePredictor(out / SCENE_FILE)
+    predictor = OnnxScenePredictor(out / SCENE_LOCAL_FILE, out / SCENE_FILE)
     scores = score_scene(predictor, data, data.motors_of(leave_out))
     write_metrics(out, "scene", scores, recipe.describe())
     return scores

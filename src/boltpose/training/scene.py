@@ -1,4 +1,4 @@
-"""Train the scene network: motor or not, for the voxels of a view."""
+"""Train the scene networks: motor or not, for the voxels of a view."""
 
 from __future__ import annotations
 
@@ -12,29 +12,49 @@ from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import Float32Array, IntArray
 from boltpose.datasets.reman18 import Reman18
-from boltpose.datasets.scene_clouds import SceneCloud, load_scene_clouds
+from boltpose.datasets.scene_clouds import load_scene_clouds
 from boltpose.networks.pct import Pct, PctConfig
-from boltpose.segmentation.scene_features import ROTATED_COLUMNS, SCALED_COLUMNS, SCENE_WIDTH
+from boltpose.networks.point_mlp import PointMlp
+from boltpose.segmentation.scene_features import (
+    LOCAL_COLUMNS,
+    ROTATED_COLUMNS,
+    SCALED_COLUMNS,
+    SCENE_INPUT_WIDTH,
+    assemble_scene_inputs,
+)
+from boltpose.training.local_evidence import (
+    LocalEvidenceConfig,
+    join_rows,
+    load_or_fit_local_evidence,
+    predict_local_evidence,
+)
 from boltpose.training.loop import Batch, FitConfig, fit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneConfig:
-    """Recipe of the scene network; the same for every family left out."""
+    """Recipe of the scene networks; the same for every family left out."""
 
-    sub_cloud: int = 2048
+    local: LocalEvidenceConfig = field(
+        default_factory=lambda: LocalEvidenceConfig(fit=FitConfig(steps=1000, learning_rate=3e-3))
+    )
+    sub_cloud: int = 1024
     """Voxels of a sub-cloud."""
-    batch: int = 4
+    batch: int = 8
     channels: int = 48
     layers: int = 2
     embedding: int = 128
-    tilt_rad: float = 0.2
-    """Sigma of the turn about axes across the viewing direction; about it any turn is made."""
+    turn_rad: float = 0.6
+    """Sigma of the turn about the plate's normal; the camera stands anywhere."""
+    tilt_rad: float = 0.05
+    """Sigma of the tilt of the plate: it is not found exactly."""
     scale_range: tuple[float, float] = (0.9, 1.1)
     crop_probability: float = 0.2
     """How often a side of the scene is cut away."""
+    local_weight: float = 0.0
+    """Share of stage one in the final vote, in logarithms of probabilities; it does not help."""
     fit: FitConfig = field(
-        default_factory=lambda: FitConfig(steps=600, learning_rate=2e-3, use_bfloat16=True)
+        default_factory=lambda: FitConfig(steps=500, learning_rate=2e-3, use_bfloat16=True)
     )
     seed: int = 0
 
@@ -47,38 +67,52 @@ class SceneConfig:
             raise ValueError(f"scale_range must be 0 < low <= high, got {self.scale_range}")
         if not 0 <= self.crop_probability <= 1:
             raise ValueError(f"crop_probability must be in [0, 1], got {self.crop_probability}")
+        if not 0 <= self.local_weight < 1:
+            raise ValueError(f"local_weight must be in [0, 1), got {self.local_weight}")
 
     def describe(self) -> dict[str, object]:
         """The recipe as JSON-ready values, for model cards and metrics."""
         return asdict(self)
 
 
-def augment(features: Float32Array, config: SceneConfig, rng: np.random.Generator) -> Float32Array:
-    """Turn, mirror, scale and shift a scene; shape (G, SCENE_WIDTH) to the same shape."""
-    changed = features.copy()
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SceneNetworks:
+    """Both stages, fitted."""
+
+    local: PointMlp
+    context: Pct
+
+
+Pool = list[tuple[Float32Array, IntArray]]
+"""Per view the inputs of stage two, (G, SCENE_INPUT_WIDTH), and the classes: 1 is motor."""
+
+
+def augment(inputs: Float32Array, config: SceneConfig, rng: np.random.Generator) -> Float32Array:
+    """Turn, mirror, scale and shift a scene; shape (G, SCENE_INPUT_WIDTH) to the same shape."""
+    changed = inputs.copy()
     tilt = Rotation.from_rotvec([*rng.normal(scale=config.tilt_rad, size=2), 0.0])
-    turn = (tilt * Rotation.from_rotvec([0.0, 0.0, rng.uniform(-np.pi, np.pi)])).as_matrix()
+    about_up = Rotation.from_rotvec([0.0, 0.0, rng.normal(scale=config.turn_rad)])
+    turn = (tilt * about_up).as_matrix()
     if rng.random() < 0.5:
         turn = turn * np.array([-1.0, 1.0, 1.0])
     for columns in ROTATED_COLUMNS:
         changed[:, columns] = changed[:, columns] @ turn.T.astype(np.float32)
     changed[:, SCALED_COLUMNS] *= np.float32(rng.uniform(*config.scale_range))
-    changed[:, ROTATED_COLUMNS[0]] += rng.normal(scale=0.2, size=3).astype(np.float32)
-    changed[:, 6] += np.float32(rng.normal(scale=0.1))
+    changed[:, ROTATED_COLUMNS[0]] += rng.normal(scale=0.1, size=3).astype(np.float32)
     return changed
 
 
 def sample_scene(
-    cloud: SceneCloud, config: SceneConfig, rng: np.random.Generator
+    scene: tuple[Float32Array, IntArray], config: SceneConfig, rng: np.random.Generator
 ) -> tuple[Float32Array, IntArray]:
-    """Draw an augmented sub-cloud, (sub_cloud, SCENE_WIDTH), and its classes: 1 is motor."""
-    pool = np.arange(len(cloud.features))
+    """Draw an augmented sub-cloud, (sub_cloud, SCENE_INPUT_WIDTH), and its classes."""
+    inputs, classes = scene
+    pool = np.arange(len(inputs))
     if rng.random() < config.crop_probability:
-        side = cloud.features[:, 0:3] @ rng.normal(size=3)
+        side = inputs[:, ROTATED_COLUMNS[0]] @ rng.normal(size=3)
         pool = np.flatnonzero(side < np.quantile(side, rng.uniform(0.6, 1.0)))
     index = rng.choice(pool, size=config.sub_cloud, replace=len(pool) < config.sub_cloud)
-    classes = (cloud.motor_share[index] > 0.5).astype(np.int64)
-    return augment(cloud.features[index], config, rng), classes
+    return augment(inputs[index], config, rng), classes[index]
 
 
 def train_scene(
@@ -88,18 +122,18 @@ def train_scene(
     config: SceneConfig | None = None,
     *,
     on_progress: Callable[[str, int, int, float], None] = lambda what, step, steps, loss: None,
-) -> Pct:
-    """Train the scene network on all families but one; interrupted runs go on.
+) -> SceneNetworks:
+    """Train both stages on all families but one; interrupted runs go on where they stopped.
 
     Args:
         data: The labelled motors.
-        leave_out: Family the training may not see; None for the shipped network.
-        cache: Folder for features and checkpoints.
+        leave_out: Family no part of the training may see; None for the shipped networks.
+        cache: Folder for features, stage-one networks and checkpoints.
         config: The recipe.
         on_progress: Told every step.
 
     Returns:
-        The network, in evaluation mode.
+        The networks, in evaluation mode.
 
     Raises:
         ValueError: There is no such family.
@@ -107,31 +141,53 @@ def train_scene(
     recipe = config or SceneConfig()
     if leave_out is not None:
         data.motors_of(leave_out)
-    clouds = [
-        cloud
-        for cloud in load_scene_clouds(data, cache / "scene_clouds")
-        if cloud.family != leave_out
-    ]
-    return fit_scene(
-        clouds,
+    clouds = load_scene_clouds(data, cache / "scene_clouds")
+    classes = [(cloud.motor_share > 0.5).astype(np.int64) for cloud in clouds]
+    rows = join_rows(
+        (cloud.family, cloud.described.features[:, LOCAL_COLUMNS], labels)
+        for cloud, labels in zip(clouds, classes, strict=True)
+    )
+
+    def local(without: set[str]) -> PointMlp:
+        name = "local evidence without " + (", ".join(sorted(without)) or "none")
+        return load_or_fit_local_evidence(
+            cache / "scene_stage_one",
+            without,
+            rows,
+            recipe.local,
+            lambda features, spread, rng: features,
+            on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
+        )
+
+    outer = set() if leave_out is None else {leave_out}
+    pool: Pool = []
+    for cloud, labels in zip(clouds, classes, strict=True):
+        if cloud.family in outer:
+            continue
+        features = cloud.described.features[:, LOCAL_COLUMNS]
+        motor = predict_local_evidence(local(outer | {cloud.family}), features)[:, 1]
+        pool.append((assemble_scene_inputs(cloud.described, motor), labels))
+    context = fit_scene(
+        pool,
         recipe,
         checkpoint=cache / f"scene_without_{leave_out or 'none'}.safetensors",
         on_step=lambda step, loss: on_progress("scene", step, recipe.fit.steps, loss),
     )
+    return SceneNetworks(local=local(outer), context=context)
 
 
 def fit_scene(
-    clouds: list[SceneCloud],
+    pool: Pool,
     recipe: SceneConfig,
     *,
     checkpoint: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> Pct:
-    """Fit the scene network to described views."""
+    """Fit stage two to pooled views."""
     torch.manual_seed(recipe.seed)
     network = Pct(
         PctConfig(
-            inputs=SCENE_WIDTH,
+            inputs=SCENE_INPUT_WIDTH,
             classes=2,
             channels=recipe.channels,
             layers=recipe.layers,
@@ -140,14 +196,13 @@ def fit_scene(
     )
     rng = np.random.default_rng(recipe.seed)
     seen = torch.from_numpy(
-        np.concatenate([augment(cloud.features[::5], recipe, rng) for cloud in clouds])
+        np.concatenate([augment(inputs[::5], recipe, rng) for inputs, _ in pool])
     )
     network.set_standardisation(seen.mean(0), seen.std(0).clamp_min(1e-3))
 
     def batch(rng: np.random.Generator) -> Batch:
         drawn = [
-            sample_scene(clouds[rng.integers(len(clouds))], recipe, rng)
-            for _ in range(recipe.batch)
+            sample_scene(pool[rng.integers(len(pool))], recipe, rng) for _ in range(recipe.batch)
         ]
         return (
             torch.from_numpy(np.stack([inputs for inputs, _ in drawn])),

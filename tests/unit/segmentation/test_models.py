@@ -11,7 +11,7 @@ import pytest
 from boltpose.errors import InputFileError
 from boltpose.segmentation.models import SHIPPED_WEIGHTS, load_models
 
-FILES = ("parts_local.onnx", "parts.onnx", "scene.onnx")
+FILES = ("parts_local.onnx", "parts.onnx", "scene_local.onnx", "scene.onnx")
 
 
 def test_shipped_networks_are_small_and_hashed() -> None:
@@ -42,7 +42,7 @@ def test_a_damaged_network_is_told_on_use(tmp_path: Path) -> None:
     for name in FILES:
         (tmp_path / name).write_bytes(b"not a network")
     models = load_models(tmp_path)
-    with pytest.raises(InputFileError, match=r"scene\.onnx"):
+    with pytest.raises(InputFileError, match=r"scene_local\.onnx"):
         models.scene.predict(np.zeros((10, 3)))
     with pytest.raises(InputFileError, match=r"parts_local\.onnx"):
         models.parts.predict(np.zeros((200, 3)), np.zeros((200, 3)))
@@ -51,7 +51,9 @@ def test_a_damaged_network_is_told_on_use(tmp_path: Path) -> None:
 def test_a_network_of_another_kind_is_refused(tmp_path: Path) -> None:
     for name in FILES:
         shutil.copy(SHIPPED_WEIGHTS / "parts.onnx", tmp_path / name)
-    with pytest.raises(InputFileError, match="found kind 'parts', wanted a network of kind 'scene'"):
+    with pytest.raises(
+        InputFileError, match="found kind 'parts', wanted a network of kind 'scene_local'"
+    ):
         load_models(tmp_path).scene.predict(np.zeros((10, 3)))
 
 
