@@ -25,6 +25,6 @@ if not result.is_ok:
 for bolt in result.bolts:
     x, y, z = bolt.position
     print(
-        f"{bolt.id:4} {bolt.visibility:8} head_top {x:8.2f} {y:8.2f} {z:8.2f} mm in {result.frame}, "
-        f"sigma {bolt.sigma_lateral_mm:.2f} mm beside the axis"
+        f"{bolt.id:4} {bolt.visibility:8} head_top {x:8.2f} {y:8.2f} {z:8.2f} mm "
+        f"in {result.frame}, sigma {bolt.sigma_lateral_mm:.2f} mm beside the axis"
     )

@@ -11,7 +11,7 @@ import typer
 from boltpose.cli.console import StageProgress, answer_console, note_console, warn
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption, LengthUnit, ModelsOption, PictureOption
-from boltpose.cli.outputs import PICTURE_SUFFIXES, POSES_SUFFIXES, check_output
+from boltpose.cli.outputs import PICTURE_SUFFIXES, POSES_SUFFIXES, check_output, remove_stale
 
 
 class Method(StrEnum):
@@ -67,6 +67,7 @@ def locate_bolts(
     inputs = (scan, prior, hand_eye, robot_pose, camera)
     check_output(output, POSES_SUFFIXES, inputs=inputs)
     check_output(picture, PICTURE_SUFFIXES, inputs=(*inputs, output))
+    remove_stale(output, picture)
 
     from boltpose.cli.load import read_base_from_camera, sha256_of
     from boltpose.io.scan import read_scan
@@ -94,6 +95,8 @@ def locate_bolts(
                 "scan": scan.name,
                 "scan_sha256": sha256_of(scan),
                 "prior_sha256": sha256_of(prior),
+                "hand_eye_sha256": None if hand_eye is None else sha256_of(hand_eye),
+                "robot_pose_sha256": None if robot_pose is None else sha256_of(robot_pose),
                 "models": dict(networks.hashes),
             },
             on_stage=progress.done,

@@ -42,3 +42,13 @@ def check_output(
         raise InputFileError(path, f"no folder '{folder}'", "an existing folder to write to")
     if not os.access(folder, os.W_OK):
         raise InputFileError(path, f"folder '{folder}' is not writable", "a folder to write to")
+
+
+def remove_stale(*paths: Path | None) -> None:
+    """Remove results of an earlier run, so that a failed run leaves none a robot could follow.
+
+    Call it after `check_output` has accepted every path.
+    """
+    for path in paths:
+        if path is not None:
+            path.unlink(missing_ok=True)

@@ -212,12 +212,13 @@ def _wrap(text: str, width: int) -> list[str]:
 
 
 def _camera_view(subject_camera: FloatArray, place: Panel) -> View:
+    """As the camera sees it; side by side if the subject is not in front (a mirrored scan, say)."""
     return frame_subject(
         Transform.identity("view", "camera"),
         subject_camera,
         width=place.width,
         height=place.height,
-        is_pinhole=True,
+        is_pinhole=bool(np.median(subject_camera[:, 2]) > 0),
     )
 
 

@@ -137,4 +137,19 @@ def test_what_was_read_stands_in_the_result(
     import hashlib
 
     assert given["scan_sha256"] == hashlib.sha256(cell.scan.read_bytes()).hexdigest()
+    assert given["hand_eye_sha256"] is None
     assert given["prior_sha256"] == hashlib.sha256(cell.prior.read_bytes()).hexdigest()
+
+
+def test_a_failed_run_leaves_no_poses_of_the_run_before(
+    run: Run, cell: Cell, answer: Answer
+) -> None:
+    answer(accepted)
+    poses = cell.folder / "poses.json"
+    arguments = ("locate", cell.scan, "--prior", cell.prior, "-o", poses)
+    assert run(*arguments).code == ExitCode.OK
+    assert poses.exists()
+    cell.scan.write_bytes(b"")
+
+    assert run(*arguments).code == ExitCode.BAD_INPUT
+    assert not poses.exists()

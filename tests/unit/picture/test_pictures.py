@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -193,3 +194,17 @@ def test_clamp_points_near_the_prior_are_not_coloured_as_misfit() -> None:
     np.testing.assert_array_equal(with_mask[0], distance_tints(np.array([0.0]), 1.0)[0])
     np.testing.assert_array_equal(without_mask[1], distance_tints(np.array([1.0]), 1.0)[0])
     assert (with_mask[1] != without_mask[1]).any()
+
+
+def test_a_candidate_behind_the_camera_is_still_shown_as_refused(tmp_path: Path) -> None:
+    prior = results.cube_prior()
+    result = results.refused(prior)
+    assert result.registration is not None
+    behind = Transform.from_parts("camera", "prior", np.eye(3), (0.0, 0.0, -700.0))
+    turned = replace(result, registration=replace(result.registration, camera_from_prior=behind))
+
+    draw_located(
+        tmp_path / "p.png", turned, results.cube_scan(prior), prior, results.BASE_FROM_CAMERA
+    )
+
+    assert banner_color(tmp_path / "p.png") == RED
