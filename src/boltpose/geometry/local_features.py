@@ -217,12 +217,13 @@ def _eigenvalues(
     Source:
         Smith, Communications of the ACM 4(4), 1961, p. 168.
     """
-    xx, yy, zz, xy, xz, yz = (entry.astype(np.float64) for entry in (xx, yy, zz, xy, xz, yz))
-    centre = (xx + yy + zz) / 3
-    a, b, c = xx - centre, yy - centre, zz - centre
-    off = xy * xy + xz * xz + yz * yz
+    # in single precision nearly flat neighbourhoods would lose their smallest eigenvalue
+    a, b, c, d, e, f = np.stack([xx, yy, zz, xy, xz, yz]).astype(np.float64)
+    centre = (a + b + c) / 3
+    a, b, c = a - centre, b - centre, c - centre
+    off = d * d + e * e + f * f
     scale = np.sqrt(np.maximum((a * a + b * b + c * c + 2 * off) / 6, 1e-18))
-    determinant = a * (b * c - yz * yz) - xy * (xy * c - yz * xz) + xz * (xy * yz - b * xz)
+    determinant = a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e)
     angle = np.arccos(np.clip(determinant / (2 * scale**3), -1.0, 1.0)) / 3
     first = centre + 2 * scale * np.cos(angle)
     last = centre + 2 * scale * np.cos(angle + 2 * np.pi / 3)

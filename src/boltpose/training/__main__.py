@@ -12,7 +12,9 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemaining
 from boltpose.datasets.reman18 import Reman18
 from boltpose.errors import BoltposeError
 from boltpose.training.calibration import calibrate_models
-from boltpose.training.runs import train_part_models, train_scene_model
+from boltpose.training.cards import write_cards
+from boltpose.training.runs import rescore_models, train_part_models, train_scene_model
+from boltpose.training.scores import SegmentationScores
 
 SHIPPED = Path(__file__).parents[1] / "segmentation" / "weights"
 
@@ -20,7 +22,7 @@ SHIPPED = Path(__file__).parents[1] / "segmentation" / "weights"
 def main(arguments: list[str] | None = None) -> int:
     """Parse, train, and turn our own errors into one line on stderr and exit code 2."""
     parser = argparse.ArgumentParser(prog="python -m boltpose.training", description=__doc__)
-    parser.add_argument("network", choices=("parts", "scene", "calibrate"))
+    parser.add_argument("network", choices=("parts", "scene", "calibrate", "scores", "cards"))
     parser.add_argument("--data", type=Path, default=Path("data/reman18"))
     parser.add_argument(
         "--leave-out",
@@ -41,6 +43,14 @@ def main(arguments: list[str] | None = None) -> int:
         if options.network == "calibrate":
             for line in calibrate_models(data, options.out, SHIPPED):
                 console.print(line)
+            return 0
+        if options.network == "scores":
+            for network, family, scores in rescore_models(data, options.out):
+                console.print(_line(network, family, scores))
+            return 0
+        if options.network == "cards":
+            for path in write_cards(options.out, SHIPPED, data.families):
+                console.print(f"written: {path}")
             return 0
         families = data.families if options.leave_out == "each" else (options.leave_out,)
         for family in families:
@@ -76,8 +86,13 @@ def _train(
     if scores is None:
         console.print(f"{network}: trained on all families, written to {folder}")
         return
+    console.print(_line(network, family, scores))
+
+
+def _line(network: str, family: str, scores: SegmentationScores) -> str:
+    """Scores in one line."""
     listed = ", ".join(f"{name} {value:.3f}" for name, value in scores.iou.items())
-    console.print(
+    return (
         f"{network} without {family}: OA {scores.overall_accuracy:.4f}, "
         f"mIoU {scores.mean_iou:.4f} ({listed})"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -14,7 +14,13 @@ from boltpose.datasets.part_clouds import scan_normals
 from boltpose.datasets.reman18 import Reman18
 from boltpose.io.atomic import write_atomic
 from boltpose.schema import Part
-from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE, SCENE_LOCAL_FILE
+from boltpose.segmentation.models import (
+    PARTS_FILE,
+    PARTS_LOCAL_FILE,
+    SCENE_FILE,
+    SCENE_LOCAL_FILE,
+    load_models,
+)
 from boltpose.segmentation.part_features import (
     CONTEXT_RADII_MM,
     FEATURE_CONFIG,
@@ -161,6 +167,27 @@ def train_scene_model(
     scores = score_scene(predictor, data, data.motors_of(leave_out))
     write_metrics(out, "scene", scores, recipe.describe())
     return scores
+
+
+def rescore_models(data: Reman18, folder: Path) -> Iterator[tuple[str, str, SegmentationScores]]:
+    """Score the networks of every family left out anew and write their metrics.json.
+
+    Args:
+        data: The labelled motors.
+        folder: Holds one folder of networks per family.
+
+    Yields:
+        `parts` or `scene`, the family and the scores.
+    """
+    for family in data.families:
+        models = load_models(folder / family)
+        motors = data.motors_of(family)
+        parts = score_parts(models.parts, data, motors)
+        write_metrics(folder / family, "parts", parts, PartsConfig().describe())
+        yield "parts", family, parts
+        scene = score_scene(models.scene, data, motors)
+        write_metrics(folder / family, "scene", scene, SceneConfig().describe())
+        yield "scene", family, scene
 
 
 def score_parts(
