@@ -24,7 +24,7 @@ from boltpose.evaluation.records import (
 )
 from boltpose.evaluation.reman18 import TrueMotor, TrueView
 from boltpose.geometry.transforms import Transform, angle_between_rad
-from boltpose.schema import LocateResult, Prior, Scan, Status
+from boltpose.schema import LocateResult, Prior, Scan, Side, Status
 
 
 class MotorEvaluation(Generic[Models]):
@@ -86,6 +86,7 @@ class MotorEvaluation(Generic[Models]):
             motor=self._motor.name,
             family=self._motor.family,
             true_bolts=len(self._motor.bolts),
+            true_tilts_rad=_tilts(self._motor),
             prior=prior_record,
             views=view_records,
             cases=tuple(cases),
@@ -218,6 +219,14 @@ def peak_memory() -> float:
     """High-water mark of this process' resident memory, in MB (10^6 bytes)."""
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e6
+
+
+def _tilts(motor: TrueMotor) -> tuple[float, ...]:
+    z_axis = motor.prior_from_motor.z_axis
+    return tuple(
+        float(angle_between_rad(z_axis if bolt.side is Side.TOP else -z_axis, bolt.axis))
+        for bolt in motor.bolts
+    )
 
 
 def _no_result(failed: str, reason: str, missed: tuple[int, ...]) -> PoseRecord:

@@ -115,6 +115,9 @@ class MotorRecord:
     motor: str
     family: str
     true_bolts: int
+    true_tilts_rad: tuple[float, ...]
+    """Angle of every true bolt axis against the motor's true z axis: how far off they would be
+    for a method that knew the motor's axis exactly and gave it to all bolts."""
     prior: PriorRecord
     views: tuple[ViewRecord, ...]
     cases: tuple[CaseRecord, ...]
