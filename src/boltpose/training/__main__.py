@@ -42,15 +42,15 @@ def main(arguments: list[str] | None = None) -> int:
         data = Reman18(root=options.data)
         if options.network == "calibrate":
             for line in calibrate_models(data, options.out, SHIPPED):
-                console.print(line)
+                console.print(line, soft_wrap=True)
             return 0
         if options.network == "scores":
             for network, family, scores in rescore_models(data, options.out):
-                console.print(_line(network, family, scores))
+                console.print(_line(network, family, scores), soft_wrap=True)
             return 0
         if options.network == "cards":
             for path in write_cards(options.out, SHIPPED, data.families):
-                console.print(f"written: {path}")
+                console.print(f"written: {path}", soft_wrap=True)
             return 0
         families = data.families if options.leave_out == "each" else (options.leave_out,)
         for family in families:
@@ -86,7 +86,7 @@ def _train(
     if scores is None:
         console.print(f"{network}: trained on all families, written to {folder}")
         return
-    console.print(_line(network, family, scores))
+    console.print(_line(network, family, scores), soft_wrap=True)
 
 
 def _line(network: str, family: str, scores: SegmentationScores) -> str:

@@ -84,11 +84,13 @@ is verified against the scan.
 """,
 }
 
-_RETRAIN = """**Retrain.** On two cores in about 25 minutes; the numbers above are written by
+_RETRAIN = """**Retrain.** About 40 minutes on one core for both kinds of networks together; everything
+above is written by
 
     python -m boltpose.training {network} --leave-out each
     python -m boltpose.training {network} --leave-out none
     python -m boltpose.training calibrate
+    python -m boltpose.training scores
     python -m boltpose.training cards
 """
 
