@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+
+import pytest
 
 import boltpose
 from boltpose.errors import BoltposeError
@@ -32,3 +36,13 @@ def test_every_error_is_ours_and_a_builtin() -> None:
     for kind in kinds:
         builtins = (ValueError, ImportError, OSError, KeyError, TypeError, RuntimeError)
         assert issubclass(kind, builtins), kind
+
+
+@pytest.mark.parametrize(
+    "first", ["import boltpose.locate", "from boltpose.locate import LocateConfig", "pass"]
+)
+def test_the_name_locate_is_the_function_whatever_was_imported_before(first: str) -> None:
+    code = f"{first}\nfrom boltpose import locate\nassert callable(locate), locate"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+    assert (done.returncode, done.stderr) == (0, "")

@@ -107,7 +107,7 @@ def _bolt_table(result: LocateResult) -> Table:
 
 
 def _bolt_row(bolt: LocatedBolt) -> tuple[str | Text, ...]:
-    seen = Text(f"{bolt.visibility} {bolt.visible_fraction:3.0%}")
+    seen = Text(f"{bolt.visibility} {math.floor(100 * bolt.visible_fraction):3d}%")
     seen.stylize(_VISIBILITY_STYLE[bolt.visibility])
     return (
         bolt.id,

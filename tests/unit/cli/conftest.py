@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import boltpose.locate
 import boltpose.segmentation.models
 from boltpose.cli.app import main
 from boltpose.prior.file import write_prior
@@ -25,6 +25,8 @@ class Outcome:
 
 
 Run = Callable[..., Outcome]
+LOCATE = import_module("boltpose.locate")
+"""The module: `boltpose.locate` is the function."""
 
 
 @pytest.fixture
@@ -97,7 +99,7 @@ def answer(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., LocateRes
             rest["on_stage"]("registration", 0.5)
             return make(scan, prior, base_from_camera)
 
-        monkeypatch.setattr(boltpose.locate, "locate", locate)
+        monkeypatch.setattr(LOCATE, "locate", locate)
         monkeypatch.setattr(
             boltpose.segmentation.models, "load_models", lambda folder=None: _NoNetworks()
         )

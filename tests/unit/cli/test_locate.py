@@ -9,7 +9,7 @@ import pytest
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.schema import LocateResult
 from tests.support import results
-from tests.unit.cli.conftest import Cell, Run, write_matrix
+from tests.unit.cli.conftest import LOCATE, Cell, Run, write_matrix
 
 Answer = Callable[[Callable[..., LocateResult]], None]
 
@@ -122,16 +122,14 @@ def test_what_was_read_stands_in_the_result(
     run: Run, cell: Cell, answer: Answer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answer(accepted)
-    import boltpose.locate
-
     given: dict[str, object] = {}
-    stand_in = boltpose.locate.locate
+    stand_in = LOCATE.locate
 
     def spy(*arguments, **options):
         given.update(options["provenance"])
         return stand_in(*arguments, **options)
 
-    monkeypatch.setattr(boltpose.locate, "locate", spy)
+    monkeypatch.setattr(LOCATE, "locate", spy)
     run("locate", cell.scan, "--prior", cell.prior)
 
     import hashlib
