@@ -18,7 +18,7 @@ def tukey_weights(residuals: FloatArray, cutoff: float) -> FloatArray:
     """Tukey's bisquare weights: 1 at zero, 0 from `cutoff` on; same shape as `residuals`."""
     scaled = np.clip(np.abs(residuals) / cutoff, 0.0, 1.0)
     inside = 1.0 - scaled * scaled
-    return inside * inside
+    return np.asarray(inside * inside, dtype=np.float64)
 
 
 def robust_sigma(residuals: FloatArray) -> float:

@@ -10,7 +10,7 @@ from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, UInt8Array, as_points
 from boltpose.errors import ConfigError, DegenerateGeometryError, ShapeError
-from boltpose.geometry.primitives import fit_circle
+from boltpose.geometry.primitives import fit_circle, plane_basis
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.housing_axis import HousingAxis, HousingAxisConfig, find_housing_axis
 from boltpose.schema import Alignment, Part, Side
@@ -154,7 +154,7 @@ def _solenoid_direction(
     solenoid = parts == Part.SOLENOID
     if solenoid.sum() < config.min_part_points:
         return None
-    basis = np.stack([np.cross(z, _any_perpendicular(z)), _any_perpendicular(z)])
+    basis = plane_basis(z)
     flat = (cloud[solenoid] - axis.point_mm) @ basis.T
     sideways = outward[solenoid] @ basis.T
     length = np.linalg.norm(sideways, axis=1)
@@ -177,13 +177,7 @@ def _solenoid_direction(
     offset = float(np.linalg.norm(centre))
     if offset < config.min_solenoid_offset * axis.radius_mm:
         return None
-    direction = centre @ basis
-    return direction / np.linalg.norm(direction)
-
-
-def _any_perpendicular(z: FloatArray) -> FloatArray:
-    vector = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    return vector / np.linalg.norm(vector)
+    return centre @ basis / offset
 
 
 def _widest_direction(cloud: FloatArray, axis: HousingAxis, z: FloatArray) -> FloatArray:
