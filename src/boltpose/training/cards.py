@@ -84,8 +84,9 @@ is verified against the scan.
 """,
 }
 
-_RETRAIN = """**Retrain.** About 40 minutes on one core for both kinds of networks together; everything
-above is written by
+_RETRAIN = """\
+**Retrain.** About 40 minutes on one core for both kinds of networks together;
+everything above is written by
 
     python -m boltpose.training {network} --leave-out each
     python -m boltpose.training {network} --leave-out none
