@@ -42,6 +42,8 @@ class LocateConfig:
     relabel_mm: float = 1.5
     """After registration the motor is what lies this near to the posed prior; 0 keeps the
     network's labels. Raised 96 to 99.8 % of right labels (FINDINGS, section 2)."""
+    label_scan: bool = False
+    """Fill `LocateResult.motor_mask`: pictures and reports want it, a robot does not."""
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     verification: VerifyConfig = field(default_factory=VerifyConfig)
     visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
@@ -115,12 +117,13 @@ def locate(
         motor_mask: BoolArray | None = None
         if best is not None and verdict.status is Status.OK:
             bolts = _place(best, prepared, scan, base_from_camera, config)
-            motor_mask = relabel(
-                prepared,
-                best.camera_from_prior,
-                scan.points,
-                threshold_mm=config.relabel_mm or LocateConfig().relabel_mm,
-            )
+            if config.label_scan:
+                motor_mask = relabel(
+                    prepared,
+                    best.camera_from_prior,
+                    scan.points,
+                    threshold_mm=config.relabel_mm or LocateConfig().relabel_mm,
+                )
         stages.done("bolts")
     return LocateResult(
         verdict=verdict,
@@ -197,7 +200,12 @@ def _place(
     base_from_camera: Transform | None,
     config: LocateConfig,
 ) -> tuple[LocatedBolt, ...]:
-    sights = see_bolts(prepared, registration.camera_from_prior, scan.points, config.visibility)
+    # most of a scan is clamp and table: sort it out before anything is computed on it
+    middle = registration.camera_from_prior.apply(prepared.centre_mm)
+    near = np.abs(scan.points - middle).max(axis=1) < prepared.radius_mm + 1.0
+    sights = see_bolts(
+        prepared, registration.camera_from_prior, scan.points[near], config.visibility
+    )
     return tuple(
         place_bolt(
             bolt,

@@ -259,7 +259,8 @@ class LocateResult:
     """The candidate pose, kept on refusal for diagnosis; None when not even one was found."""
     prior_name: str
     motor_mask: BoolArray | None = None
-    """Shape (N,), which points of the scan were taken for the motor."""
+    """Shape (N,), which points of the scan lie on the posed prior; None unless
+    `LocateConfig.label_scan` asked for it."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property

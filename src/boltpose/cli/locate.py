@@ -90,7 +90,7 @@ def locate_bolts(
             known,
             base_from_camera,
             networks.scene,
-            LocateConfig(registration=registration),
+            LocateConfig(registration=registration, label_scan=picture is not None),
             provenance={
                 "scan": scan.name,
                 "scan_sha256": sha256_of(scan),
