@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from boltpose.arrays import BoolArray, Float32Array, FloatArray
+from boltpose.arrays import AnyArray, BoolArray, Float32Array, FloatArray
 from boltpose.picture.view import View
 
 IndexArray = npt.NDArray[np.int32]
@@ -137,8 +137,7 @@ def _slope(depth: Float32Array, filled: BoolArray, axis: int) -> Float32Array:
     for side in (pair, last):
         total[tuple(side)] += np.where(good, step, np.float32(0))
         count[tuple(side)] += good
-    share: Float32Array = total / np.maximum(count, np.float32(1))
-    return share
+    return (total / np.maximum(count, 1)).astype(np.float32)
 
 
 def _creases(surface: Float32Array, filled: BoolArray) -> Float32Array:
@@ -161,8 +160,8 @@ def _creases(surface: Float32Array, filled: BoolArray) -> Float32Array:
     return np.exp(-1.6 * shade / (8 * len(_CREASE_RADII_PX) * _CREASE_MM))
 
 
-def shrink(image: FloatArray, factor: int) -> FloatArray:
+def shrink(image: AnyArray, factor: int) -> FloatArray:
     """Average blocks of `factor` x `factor` pixels, shape (H, W, C): smooth edges."""
     height, width, channels = image.shape
     blocks = image.reshape(height // factor, factor, width // factor, factor, channels)
-    return blocks.mean(axis=(1, 3))
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float64))

@@ -48,7 +48,7 @@ def test_the_demo_finds_every_bolt_hidden_or_not(run: Run, tmp_path: Path) -> No
     outcome = run(
         "locate", DEMO_FOLDER / "000002.png", "--prior", tmp_path / "out" / "motor.prior.npz",
         "--hand-eye", DEMO_FOLDER / "hand_eye.yaml",
-        "--camera", DEMO_FOLDER / "scene_camera.json", "-o", again,
+        "--camera", DEMO_FOLDER / "scene_camera.json", "-o", again, "--picture", tmp_path / "p.png",
     )  # fmt: skip
     assert outcome.code == 0
     assert again.read_bytes() == (tmp_path / "out" / "poses.json").read_bytes()
