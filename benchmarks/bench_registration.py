@@ -32,12 +32,13 @@ from boltpose.geometry.transforms import Transform, rotation_angle_rad
 from boltpose.io.scan import read_scan
 from boltpose.prior.build import BuildConfig, build_prior
 from boltpose.prior.file import read_prior, write_prior
-from boltpose.registration.config import RegistrationConfig
+from boltpose.registration.config import RegistrationConfig, VerifyConfig
+from boltpose.registration.evidence import Evidence
 from boltpose.registration.icp import refine_pose
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
 from boltpose.registration.register import rank_pose, register
 from boltpose.registration.scene import Scene, build_scene
-from boltpose.registration.verify import verify
+from boltpose.registration.verify import decide, verify
 from boltpose.registration.visibility import see_bolts
 from boltpose.schema import Registration, Status, Verdict
 
@@ -50,6 +51,8 @@ CSV_COLUMNS = (
     "is_right",
     "worst_bolt_mm",
     "rotation_deg",
+    "cpu_register_s",
+    "cpu_verify_s",
     "status",
     "failed",
 )
@@ -431,9 +434,41 @@ def write_csv(path: Path, rows: list[Row]) -> None:
             writer.writerow(
                 [row.kind, row.motor, row.view, row.prior, int(row.is_right)]
                 + [f"{row.worst_bolt_mm:.4g}", f"{row.rotation_deg:.4g}"]
+                + [f"{row.cpu_register_s:.3f}", f"{row.cpu_verify_s:.3f}"]
                 + [row.verdict.status.value, " ".join(check.value for check in row.verdict.failed)]
                 + [f"{row.verdict.scores.get(name, float('nan')):.4g}" for name in names]
             )
+
+
+def read_csv(path: Path, families: dict[str, bool]) -> list[Row]:
+    """Read cases back and decide them again with the thresholds of today."""
+    rows = []
+    with path.open(newline="") as file:
+        for line in csv.DictReader(file):
+            scores = {name: float(line[name]) for name in line if name not in CSV_COLUMNS}
+            if np.isnan(scores["tight"]):
+                verdict = verify(None, None, None, np.zeros((0, 3)))  # type: ignore[arg-type]
+            else:
+                scores["motor_points"] = int(scores["motor_points"])
+                scores["judged_points"] = int(scores["judged_points"])
+                scores["converged"] = bool(scores["converged"])
+                verdict = decide(Evidence(**scores), VerifyConfig())
+            rows.append(
+                Row(
+                    kind=line["kind"],
+                    is_even_family=families[line["motor"]],
+                    motor=line["motor"],
+                    view=int(line["view"]),
+                    prior=line["prior"],
+                    is_right=line["is_right"] == "1",
+                    worst_bolt_mm=float(line["worst_bolt_mm"]),
+                    rotation_deg=float(line["rotation_deg"]),
+                    cpu_register_s=float(line.get("cpu_register_s") or "nan"),
+                    cpu_verify_s=float(line.get("cpu_verify_s") or "nan"),
+                    verdict=verdict,
+                )
+            )
+    return rows
 
 
 def main() -> None:
@@ -445,21 +480,25 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=4)
     parser.add_argument("--only", choices=("right", "near", "wrong"))
     parser.add_argument("--method", default="multi_start")
-    parser.add_argument("--csv", type=Path)
+    parser.add_argument("--csv", type=Path, help="where every case with its scores goes")
+    parser.add_argument("--table", type=Path, nargs="*", help="print the tables of such files")
     args = parser.parse_args()
     data = Reman18(root=args.data)
+    families = {motor: data.families.index(data.family(motor)) % 2 == 0 for motor in data.motors}
+    if args.table:
+        print_tables([row for path in args.table for row in read_csv(path, families)])
+        return
     config = RegistrationConfig(method=args.method)
     rows: list[Row] = []
     with threadpool_limits(1, user_api="blas"):
         priors = load_priors(data, args.cache)
         for motor in args.motors or data.motors:
-            is_even = data.families.index(data.family(motor)) % 2 == 0
             for number in range(min(args.views, data.view_count(motor))):
                 cloud = data.view(motor, number)
                 view = View(
                     motor=motor,
                     number=number,
-                    is_even_family=is_even,
+                    is_even_family=families[motor],
                     scan=cloud.points,
                     is_motor=cloud.labels > 0,
                     camera_from_prior=Transform(

@@ -64,6 +64,11 @@ def verify(
             ]
         )
     evidence = gather_evidence(registration, prepared, scene, points, config.evidence)
+    return decide(evidence, config)
+
+
+def decide(evidence: Evidence, config: VerifyConfig) -> Verdict:
+    """Hold the numbers of a pose against the thresholds."""
     return _verdict(_rules(evidence, config))
 
 

@@ -19,6 +19,11 @@ _REACH_DIAMETERS = 0.85
 of the spanner size, and bolts stand farther apart."""
 _DEPTH_DIAMETERS = 0.9
 """The same along the axis, below the top: socket heads are 0.62 diameters high."""
+_SPACINGS = 1.2
+"""On a covered surface no point is farther than this many spacings from a scan point."""
+_LARGEST_REACH_MM = 2.0
+"""A scan coarser than this says nothing about a bolt head of 4 mm."""
+_PIXEL_REACH_MM = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +67,7 @@ def see_bolts(
         near = points
         if len(head):
             centre = head.mean(axis=0)
-            reach = np.linalg.norm(head - centre, axis=1).max() + config.tolerance_mm
+            reach = np.linalg.norm(head - centre, axis=1).max() + _LARGEST_REACH_MM
             # |p - c|^2 < r^2, with one pass over millions of points instead of six
             near = points[squared - 2.0 * (points @ centre) < reach**2 - centre @ centre]
         sights.append(_see_bolt(bolt, head, near, config))
@@ -104,10 +109,14 @@ def _see_bolt(
     bolt: PriorBolt, head: FloatArray, near: FloatArray, config: VisibilityConfig
 ) -> BoltSight:
     fraction, count = 0.0, 0
-    if len(head) and len(near):
-        distance, _ = KDTree(near).query(head, distance_upper_bound=config.tolerance_mm)
+    if len(head) and len(near) > 1:
+        tree = KDTree(near)
+        spacing, _ = tree.query(near[:: max(1, len(near) // 200)], k=2)
+        reach = max(config.tolerance_mm, _SPACINGS * float(np.median(spacing[:, 1])))
+        distance, _ = tree.query(head, distance_upper_bound=min(reach, _LARGEST_REACH_MM))
         fraction = float(np.isfinite(distance).mean())
-        back, _ = KDTree(head).query(near, distance_upper_bound=config.tolerance_mm)
+        # counted as reman18 does, so that a coarse prior loses no pixel
+        back, _ = KDTree(head).query(near, distance_upper_bound=_PIXEL_REACH_MM)
         count = int(np.isfinite(back).sum())
     return BoltSight(
         bolt_id=bolt.id,

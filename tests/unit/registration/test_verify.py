@@ -6,12 +6,20 @@ from scipy.spatial.transform import Rotation
 
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import VerifyConfig, VisibilityConfig
+from boltpose.registration.prepare import prepare_prior
 from boltpose.registration.register import register
 from boltpose.registration.scene import build_scene
 from boltpose.registration.verify import verify
 from boltpose.registration.visibility import classify_visibility, head_surface, see_bolts
 from boltpose.schema import Check, Part, Registration, Status, Visibility
-from tests.unit.registration.scenes import pose, prepared_motor, view, visible_points
+from tests.unit.registration.scenes import (
+    cylinder,
+    motor_prior,
+    pose,
+    prepared_motor,
+    view,
+    visible_points,
+)
 
 TRUTH = pose(turn=(0.4, 1.9, 0.3))
 
@@ -108,6 +116,24 @@ def test_a_small_patch_of_the_right_motor_is_not_enough(scan, best) -> None:
 
     assert verdict.failed == (Check.COVERAGE,)
     assert verdict.scores["measured"] < 0.5
+
+
+def test_a_body_that_looks_the_same_from_all_around_is_refused() -> None:
+    points, normals = cylinder(30.0, (-50.0, 50.0), (0.0, 0.0), 1.0)
+    labels = np.full(len(points), int(Part.MAIN_HOUSING), dtype=np.uint8)
+    prepared = prepare_prior(replace(motor_prior(), points=points, normals=normals, labels=labels))
+    seen = TRUTH.apply(points)
+    facing = np.einsum("ni,ni->n", seen, TRUTH.rotate(normals)) < 0
+    noise = np.random.default_rng(0).normal(scale=0.05, size=(int(facing.sum()), 3))
+    scan = seen[facing] + noise
+    scene = build_scene(scan)
+
+    verdict = verify(register(prepared, scan, scene=scene).best, prepared, scene, scan)
+
+    # everything lies where it should, and yet the roll is anyone's guess
+    assert verdict.scores["tight"] > 0.95
+    assert verdict.scores["coverage"] > 0.95
+    assert Check.AMBIGUOUS in verdict.failed
 
 
 def test_no_pose_is_refused_for_too_few_points() -> None:
