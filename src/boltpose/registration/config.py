@@ -216,7 +216,10 @@ class RegistrationConfig:
     ranking_steps: int = 6
     """Point-to-plane steps on those points before ranking."""
     ranking_tolerance_mm: float = 1.0
-    """A point's agreement falls to 0 at this plane residual."""
+    """A point's agreement falls to 0 at this plane residual while candidates are chosen."""
+    score_tolerance_mm: float = 0.5
+    """The same for the final score: after the fine stage the right pose fits within it, and a
+    pose that merely resembles it does not."""
     violation_weight: float = 5.0
     """How much of the score one unit of free-space violation costs. Right poses violate up to
     0.0035, wrong ones from 0.029 (FINDINGS section 1): a wrong pose loses at least 0.15."""
@@ -237,6 +240,7 @@ class RegistrationConfig:
                 "ranking_points",
                 "ranking_steps",
                 "ranking_tolerance_mm",
+                "score_tolerance_mm",
                 "violation_weight",
                 "refined_candidates",
                 "refined_margin",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -123,6 +123,8 @@ def rank_pose(
     prepared: PreparedPrior,
     config: RegistrationConfig,
     scene: Scene | None,
+    *,
+    tolerance_mm: float | None = None,
 ) -> float:
     """Score of a pose, at most 1: agreement of a sample of motor points less free-space violation.
 
@@ -132,6 +134,8 @@ def rank_pose(
         prepared: The prior.
         config: Settings.
         scene: The whole scan; without it only the agreement counts.
+        tolerance_mm: Plane residual at which a point's agreement reaches 0; by default
+            `config.score_tolerance_mm`, that of `Registration.score`.
 
     Returns:
         The score, larger is better.
@@ -139,7 +143,10 @@ def rank_pose(
     inverse = camera_from_prior.inverse()
     pose = PoseBatch(inverse.rotation[None], inverse.translation_mm[None])
     agreement = score_batch(
-        pose, sample_camera.astype(np.float32), prepared, config.ranking_tolerance_mm
+        pose,
+        sample_camera.astype(np.float32),
+        prepared,
+        tolerance_mm or config.score_tolerance_mm,
     )
     if scene is None:
         return float(agreement[0])
@@ -165,17 +172,24 @@ def _refine_candidates(
     sample32 = sample.astype(np.float32)
     for distance in np.geomspace(3.0, 1.5, config.ranking_steps):
         poses = step_batch(poses, sample32, prepared, float(distance))
+
+    def score(pose: Transform, tolerance_mm: float) -> float:
+        return rank_pose(pose, sample, prepared, config, scene, tolerance_mm=tolerance_mm)
+
     ranked = [
-        _Candidate(pose, rank_pose(pose, sample, prepared, config, scene), None)
+        _Candidate(pose, score(pose, config.ranking_tolerance_mm), None)
         for pose in poses.transforms()
     ]
     ranked.sort(key=lambda candidate: -candidate.score)
     worth = [c for c in ranked if c.score >= ranked[0].score - config.refined_margin]
     refined = [
-        _refine(candidate, prepared, points, sample, config, scene)
+        _refine(candidate, prepared, points, config)
         for candidate in worth[: config.refined_candidates]
     ]
-    everything = refined + ranked[len(refined) :]
+    everything = [
+        replace(candidate, score=score(candidate.pose, config.score_tolerance_mm))
+        for candidate in refined + ranked[len(refined) :]
+    ]
     everything.sort(key=lambda candidate: (candidate.fine is None, -candidate.score))
     distinct: list[_Candidate] = []
     for candidate in everything:
@@ -203,20 +217,14 @@ def _as_registrations(distinct: list[_Candidate]) -> tuple[Registration, ...]:
 
 
 def _refine(
-    candidate: _Candidate,
-    prepared: PreparedPrior,
-    points: FloatArray,
-    sample: FloatArray,
-    config: RegistrationConfig,
-    scene: Scene | None,
+    candidate: _Candidate, prepared: PreparedPrior, points: FloatArray, config: RegistrationConfig
 ) -> _Candidate:
     """Refine; a candidate without a single near scan point stays as it is."""
     try:
         fine = refine_pose(candidate.pose, points, prepared, config.fine)
     except DegenerateGeometryError:
         return candidate
-    score = rank_pose(fine.camera_from_prior, sample, prepared, config, scene)
-    return _Candidate(fine.camera_from_prior, score, fine)
+    return replace(candidate, pose=fine.camera_from_prior, fine=fine)
 
 
 def _is_same_pose(
