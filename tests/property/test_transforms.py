@@ -99,3 +99,9 @@ def test_the_matrix_cannot_be_changed() -> None:
     assert transform.translation_mm[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         transform.matrix[0, 3] = 5.0
+
+
+@given(transforms("a", "b"), transforms("b", "c"))
+def test_making_it_again_from_its_matrix_keeps_every_bit(ab: Transform, bc: Transform) -> None:
+    chained = ab @ bc
+    np.testing.assert_array_equal(Transform("a", "c", chained.matrix).matrix, chained.matrix)

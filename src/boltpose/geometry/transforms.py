@@ -44,8 +44,10 @@ class Transform:
             raise FrameError(f"{name} is no rigid motion: R Rt differs from 1 by {error:.3g}")
         if np.linalg.det(rotation) < 0:
             raise FrameError(f"{name} mirrors: det of the rotation part is -1, wanted +1")
-        left, _, right = np.linalg.svd(rotation)
-        matrix[:3, :3] = left @ right
+        # what is orthonormal already keeps its bits, so that writing and reading changes nothing
+        if error > 1e-13:
+            left, _, right = np.linalg.svd(rotation)
+            matrix[:3, :3] = left @ right
         matrix[3] = (0, 0, 0, 1)
         object.__setattr__(self, "matrix", freeze(matrix))
 
