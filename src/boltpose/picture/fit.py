@@ -73,7 +73,7 @@ def draw_fit_key(axes: Axes, place: Panel) -> None:
     axes.text(
         10,
         bottom - 6,
-        "blue: prior where the camera measured nothing",
+        "blue: prior that no scan point covers",
         fontsize=8.5,
         va="bottom",
         color="#1c4fa0",

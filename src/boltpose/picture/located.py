@@ -196,7 +196,7 @@ def _draw_reasons_panel(sheet: Sheet, result: LocateResult, place: Panel) -> Non
     axes.text(16, 44, "\n".join(lines), fontsize=11, fontweight="bold", color=_RED, va="top")
     top = 50.0 + 18 * len(lines)
     for reason in result.verdict.reasons:
-        lines = _wrap(reason, 76)
+        lines = _wrap(reason, 70)
         axes.text(16, top, "\n".join(lines), fontsize=10.5, va="top", color="#222222")
         top += 12 + 17 * len(lines)
 
