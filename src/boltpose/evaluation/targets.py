@@ -105,9 +105,9 @@ def _cost_targets(records: Sequence[MotorRecord]) -> list[Target]:
     build = spread_of(record.prior.time.wall_s for record in records)
     memory = max((record.peak_memory_mb for record in records), default=None)
     return [
-        _limit("locate, median", locate and locate.median, 1.0, "s"),
-        _limit("locate with a prepared prior, median", prepared and prepared.median, 1.0, "s"),
-        _limit("prior build, slowest", build and build.maximum, 20.0, "s"),
+        _limit("locate, median wall time", locate and locate.median, 1.0, "s"),
+        _limit("the same, prior prepared before", prepared and prepared.median, 1.0, "s"),
+        _limit("prior build, slowest, wall time", build and build.maximum, 20.0, "s"),
         _limit("peak memory", memory, 1500.0, "MB"),
     ]
 

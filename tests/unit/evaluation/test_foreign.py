@@ -23,7 +23,9 @@ THERE = ForeignRecord(
     votes=(6,),
     reference_gap_mm=1.2,
     reference_gap_rad=0.01,
-    failed=("free_space_violated", "scan_not_explained", "free_space_violated"),
+    surface_mm=0.3,
+    reference_surface_mm=0.9,
+    failed={"free_space_violated": 14, "scan_not_explained": 3},
     best_coverage=0.98,
     cpu_s=30.0,
 )
@@ -36,10 +38,12 @@ REPORT = ForeignReport(format=FORMAT, reference="another program", records=(THER
         ({}, True),
         ({"votes": (), "accepted": 0}, True),
         ({"votes": (5, 1)}, False),
-        ({"reference_gap_mm": 5.1}, False),
+        ({"reference_gap_mm": 5.1}, True),
+        ({"reference_gap_mm": 5.1, "surface_mm": 0.9}, False),
+        ({"reference_gap_mm": 15.1}, False),
         ({"expectation": Expectation.REFUSE}, False),
         ({"expectation": Expectation.REFUSE, "votes": ()}, True),
-        ({"reference_gap_mm": None, "reference_gap_rad": None}, True),
+        ({"reference_gap_mm": None, "reference_gap_rad": None}, False),
     ],
 )
 def test_what_is_wanted(change: dict[str, object], is_as_wanted: bool) -> None:
