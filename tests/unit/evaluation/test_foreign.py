@@ -66,6 +66,7 @@ def test_the_section_names_package_licence_and_every_search() -> None:
     assert "Apache-2.0" in text
     assert "another program" in text
     row = (
-        "| toy in clutter | right or refuse | 20 | 6 | 1 | 1.2 mm, 0.57 deg | 98.0 % | yes | 1.5 |"
+        "| toy in clutter | right or refuse | 20 | 6 | 1 | 1.2 mm, 0.57 deg "
+        "| 0.30 / 0.90 mm | 98.0 % | yes | 1.5 |"
     )
     assert row in text
