@@ -18,7 +18,7 @@ def tukey_weights(residuals: FloatArray, cutoff: float) -> FloatArray:
     """Tukey's bisquare weights: 1 at zero, 0 from `cutoff` on; same shape as `residuals`."""
     scaled = np.clip(np.abs(residuals) / cutoff, 0.0, 1.0)
     inside = 1.0 - scaled * scaled
-    return np.asarray(inside * inside, dtype=np.float64)
+    return inside * inside
 
 
 def robust_sigma(residuals: FloatArray) -> float:
@@ -29,9 +29,9 @@ def robust_sigma(residuals: FloatArray) -> float:
 def plane_basis(axis: npt.ArrayLike) -> FloatArray:
     """Two unit vectors, rows of a (2, 3) array, that complete `axis` to a right-handed frame."""
     direction = np.asarray(axis, dtype=np.float64)
-    first = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
-    first /= np.linalg.norm(first)
-    return np.stack([first, np.cross(direction, first)])
+    cross = np.cross(direction, np.eye(3)[int(np.argmin(np.abs(direction)))])
+    first: FloatArray = np.asarray(cross / np.linalg.norm(cross), dtype=np.float64)
+    return np.stack([first, np.asarray(np.cross(direction, first), dtype=np.float64)])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -167,6 +167,8 @@ class CylinderFit:
     axis_sigma_rad: float
     """1 sigma of the axis direction, for independent residuals."""
     inlier_count: int
+    weight_sum: float
+    """Sum of the Tukey weights: of two fits to the same points the larger is the better one."""
 
 
 def refine_cylinder(
@@ -176,8 +178,8 @@ def refine_cylinder(
     centre_mm: FloatArray,
     radius_mm: float,
     *,
-    tolerances_mm: tuple[float, ...] = (1.0, 0.4),
-    iterations: int = 15,
+    tolerances_mm: tuple[float, ...] = (1.0, 0.4, 0.25),
+    iterations: int = 60,
 ) -> CylinderFit:
     """Move a cylinder onto the points around it by Tukey-weighted Gauss-Newton steps.
 
@@ -215,6 +217,7 @@ def refine_cylinder(
         sigma_mm=robust_sigma(system.residuals),
         axis_sigma_rad=system.axis_sigma_rad(),
         inlier_count=len(system.residuals),
+        weight_sum=float(system.weights.sum()),
     )
 
 

@@ -30,6 +30,8 @@ class HeadFitConfig:
     depth_mm: tuple[float, float] = (2.5, 4.5)
     """Below the top of the head points count fully down to the first, no more from the second
     depth on: heads are 3 to 8 mm high, and a boss under the head is round too."""
+    min_support: float = 0.5
+    """Half a point's worth of information about the centre: below it nothing round was there."""
     max_face_offset_mm: float = 0.8
     """1 sigma by which the middle of the seen top face may lie off the axis, for half-seen faces;
     ranks the starts only."""
@@ -41,7 +43,7 @@ class HeadFitConfig:
                 raise ConfigError(f"{name} must increase from > 0, got {low}, {high}")
         if not self.start_radii_mm or not self.cutoffs_mm:
             raise ConfigError("start_radii_mm and cutoffs_mm must not be empty")
-        for name in ("start_shift_mm", "max_face_offset_mm"):
+        for name in ("start_shift_mm", "min_support", "max_face_offset_mm"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
 
@@ -137,6 +139,7 @@ class _Equations:
         offset = self._face_offset(centres, radii)
         score = support * np.exp(-0.5 * (offset / self._config.max_face_offset_mm) ** 2)
         score[(radii <= smallest) | (radii >= largest)] = 0.0
+        score[support < self._config.min_support] = 0.0
         best = int(np.argmax(score))
         if not score[best] > 0:
             return None
