@@ -23,7 +23,7 @@ result = locate(scan, prior, base_from_camera, models.scene)
 if not result.is_ok:
     raise SystemExit("refused: " + "; ".join(result.verdict.reasons))
 for bolt in result.bolts:
-    x, y, z = bolt.position
+    x, y, z = bolt.head_top
     print(
         f"{bolt.id:4} {bolt.visibility:8} head_top {x:8.2f} {y:8.2f} {z:8.2f} mm "
         f"in {result.frame}, sigma {bolt.sigma_lateral_mm:.2f} mm beside the axis"

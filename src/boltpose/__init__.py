@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from boltpose.prior.edit import add_bolt, confirm_bolt, remove_bolt
     from boltpose.prior.file import read_prior, write_prior
     from boltpose.registration.prepare import prepare_prior
-    from boltpose.results import write_poses
+    from boltpose.results import read_poses, write_poses
     from boltpose.schema import (
         Check,
         LocatedBolt,
@@ -64,6 +64,7 @@ __all__ = [
     "locate",
     "prepare_prior",
     "read_hand_eye",
+    "read_poses",
     "read_prior",
     "read_scan",
     "remove_bolt",
@@ -82,7 +83,7 @@ _HOMES = {
     "boltpose.prior.edit": ("add_bolt", "confirm_bolt", "remove_bolt"),
     "boltpose.prior.file": ("read_prior", "write_prior"),
     "boltpose.registration.prepare": ("prepare_prior",),
-    "boltpose.results": ("write_poses",),
+    "boltpose.results": ("read_poses", "write_poses"),
     "boltpose.segmentation.models": ("Models", "load_models"),
     "boltpose.schema": (
         "Check",

@@ -131,6 +131,7 @@ def locate(
         bolts=bolts,
         registration=best,
         prior_name=prepared.prior.name,
+        base_from_camera=base_from_camera,
         motor_mask=motor_mask,
         provenance={
             "version": boltpose.__version__,

@@ -67,6 +67,7 @@ def place_bolt(
     tilt_variance = float(np.linalg.eigvalsh(beside @ axis_covariance @ beside)[-1])
     tilt_variance += alignment_sigma_rad**2 + config.bolt_tilt_sigma_rad**2
     pose = camera_from_bolt if base_from_camera is None else base_from_camera @ camera_from_bolt
+    turn = np.eye(3) if base_from_camera is None else base_from_camera.rotation
     frame_from_prior = pose @ bolt.prior_from_bolt.inverse()
     return LocatedBolt(
         id=bolt.id,
@@ -77,7 +78,10 @@ def place_bolt(
         sigma_lateral_mm=float(np.sqrt(lateral_variance)),
         sigma_axial_mm=float(np.sqrt(axial_variance)),
         sigma_axis_rad=float(np.sqrt(tilt_variance)),
+        covariance_mm2=turn @ position_covariance @ turn.T,
         head_diameter_mm=bolt.head_diameter_mm,
+        head_height_mm=bolt.head_height_mm,
+        confidence=bolt.confidence,
         is_sure=bolt.is_sure,
         cluster_centre=frame_from_prior.apply(bolt.cluster_centre),
         remarks=bolt.remarks,

@@ -3,46 +3,178 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Annotated, Any, BinaryIO, Literal, Self
 
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from boltpose.errors import InputFileError
 from boltpose.io.atomic import write_atomic
-from boltpose.schema import LocatedBolt, LocateResult, Registration, Verdict
+from boltpose.schema import Check, LocatedBolt, LocateResult, Registration, Side, Status, Visibility
 
-FORMAT = "boltpose.poses/1"
+SCHEMA = "boltpose.poses/1"
+SCHEMA_FILE = Path(__file__).parent / "poses.schema.json"
+"""The JSON Schema of the file, shipped with the package."""
+
+Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Row4 = Annotated[list[float], Field(min_length=4, max_length=4)]
+Matrix4 = Annotated[list[Row4], Field(min_length=4, max_length=4)]
+Row6 = Annotated[list[float], Field(min_length=6, max_length=6)]
+Matrix6 = Annotated[list[Row6], Field(min_length=6, max_length=6)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
 
 
-def to_json(result: LocateResult) -> dict[str, Any]:
-    """Turn a result into JSON-ready data: lengths mm, angles rad, matrices row-major 4x4.
+class _Record(BaseModel):
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
-    The same result gives the same bytes: no time stamp, no timing, no path of this machine.
+
+class BoltPose(_Record):
+    """One bolt in the file's frame; lengths mm."""
+
+    id: str
+    side: Side
+    head_top: Vector
+    """The point on the axis on the top face of the head, where the tool lands."""
+    position: Vector
+    """The head's centre: on the axis, half way up the head."""
+    cluster_centre: Vector
+    """The paper's position: mean of the bolt's points in the full scan."""
+    axis: Vector
+    """Unit, out of the head."""
+    rotation: Matrix3
+    """Columns are the axes of frame `bolt`; the third is `axis`."""
+    quaternion_wxyz: Row4
+    head_diameter_mm: Positive
+    head_height_mm: Positive
+    visibility: Visibility
+    visible_share: Share
+    confidence: Share
+    sure: bool
+    remarks: list[str]
+    covariance_mm2: Matrix3
+    """Of `head_top`; the hand-eye's own error is not in it."""
+    sigma_lateral_mm: Positive
+    sigma_axial_mm: Positive
+    sigma_axis_deg: Positive
+
+    @model_validator(mode="after")
+    def _is_a_proper_pose(self) -> Self:
+        rotation = np.array(self.rotation)
+        if not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-6):
+            raise ValueError(f"rotation of bolt {self.id} is not orthonormal")
+        if np.linalg.det(rotation) < 0:
+            raise ValueError(f"rotation of bolt {self.id} mirrors")
+        if not np.allclose(rotation[:, 2], self.axis, atol=1e-6):
+            raise ValueError(f"axis of bolt {self.id} is not the third column of its rotation")
+        return self
+
+
+class Candidate(_Record):
+    """A pose with what the fit itself says of it; none of it is a measure of truth."""
+
+    camera_from_prior: Matrix4
+    converged: bool
+    rms_mm: float
+    inlier_ratio: Share
+    score: float
+    runner_up_score: float
+    covariance: Matrix6
+    """Rotation vector (rad) then translation (mm), frame `camera`, about `centre_mm`."""
+    centre_mm: Vector
+
+
+class PosesFile(_Record):
+    """All of `poses.json`; matrices row-major, `target_from_source`, points as columns."""
+
+    schema_: Literal["boltpose.poses/1"] = Field(alias="schema")
+    status: Status
+    reason: Check | None
+    """The most telling failed check; null when ok."""
+    reasons: list[str]
+    """One sentence per failed check: what was found and what was wanted."""
+    frame: Literal["base", "camera"]
+    unit: Literal["mm"]
+    prior: str
+    bolts: list[BoltPose]
+    camera_from_prior: Matrix4 | None
+    """Null when refused: see `rejected_candidate`."""
+    base_from_camera: Matrix4 | None
+    """The hand-eye that was used; null in frame `camera`."""
+    registration: Candidate | None
+    rejected_candidate: Candidate | None
+    """The best pose found, for diagnosis only."""
+    quality: dict[str, float]
+    """Every score behind the verdict."""
+    thresholds: dict[str, float]
+    timings_ms: dict[str, float]
+    """Wall time per stage; all else is the same for the same input, bit for bit."""
+    provenance: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _refuses_without_poses(self) -> Self:
+        is_ok = self.status is Status.OK
+        if is_ok != (self.reason is None) or is_ok != (self.camera_from_prior is not None):
+            raise ValueError("a reason without a pose, or a pose without a reason: never both")
+        if not is_ok and self.bolts:
+            raise ValueError("a refused file holds no bolts")
+        if (self.frame == "base") != (self.base_from_camera is not None):
+            raise ValueError("frame `base` and only that needs base_from_camera")
+        return self
+
+
+def to_file(result: LocateResult, timings_ms: Mapping[str, float] | None = None) -> PosesFile:
+    """Turn a result into the checked content of `poses.json`.
+
+    Args:
+        result: What `locate` returned.
+        timings_ms: Wall time per stage.
     """
-    return {
-        "format": FORMAT,
-        "status": str(result.verdict.status),
-        "reasons": list(result.verdict.reasons),
-        "frame": result.frame,
-        "unit": "mm",
-        "prior": result.prior_name,
-        "bolts": [_bolt(bolt) for bolt in result.bolts],
-        "verdict": _verdict(result.verdict),
-        "registration": None if result.registration is None else _registration(result.registration),
-        "provenance": dict(result.provenance),
-    }
+    is_ok = result.is_ok
+    candidate = None if result.registration is None else _candidate(result.registration)
+    failed = sorted(result.verdict.failed, key=list(Check).index)
+    return PosesFile(
+        schema=SCHEMA,
+        status=result.verdict.status,
+        reason=failed[0] if failed else None,
+        reasons=list(result.verdict.reasons),
+        frame="base" if result.frame == "base" else "camera",
+        unit="mm",
+        prior=result.prior_name,
+        bolts=[_bolt(bolt) for bolt in result.bolts],
+        camera_from_prior=candidate.camera_from_prior if candidate and is_ok else None,
+        base_from_camera=(
+            None if result.base_from_camera is None else result.base_from_camera.matrix.tolist()
+        ),
+        registration=candidate if is_ok else None,
+        rejected_candidate=None if is_ok else candidate,
+        quality=dict(result.verdict.scores),
+        thresholds=dict(result.verdict.thresholds),
+        timings_ms={name: round(value, 3) for name, value in (timings_ms or {}).items()},
+        provenance=json.loads(json.dumps(dict(result.provenance))),
+    )
 
 
-def dump_json(result: LocateResult) -> str:
+def dump_json(result: LocateResult, timings_ms: Mapping[str, float] | None = None) -> str:
     """The text of `poses.json`."""
-    return json.dumps(to_json(result), indent=2, allow_nan=False) + "\n"
+    data = to_file(result, timings_ms).model_dump(mode="json", by_alias=True)
+    return json.dumps(data, indent=2, allow_nan=False) + "\n"
 
 
-def write_poses(path: str | Path, result: LocateResult) -> None:
+def write_poses(
+    path: str | Path, result: LocateResult, timings_ms: Mapping[str, float] | None = None
+) -> None:
     """Write `poses.json`; the file appears whole or not at all.
 
     Raises:
-        InputFileError: The file cannot be written there.
+        OSError: The file cannot be written there.
     """
-    text = dump_json(result).encode()
+    text = dump_json(result, timings_ms).encode()
 
     def write(stream: BinaryIO) -> None:
         stream.write(text)
@@ -50,43 +182,64 @@ def write_poses(path: str | Path, result: LocateResult) -> None:
     write_atomic(Path(path), write)
 
 
-def _bolt(bolt: LocatedBolt) -> dict[str, Any]:
-    pose = bolt.frame_from_bolt
-    return {
-        "id": bolt.id,
-        "side": str(bolt.side),
-        "position_mm": pose.translation_mm.tolist(),
-        "axis": pose.z_axis.tolist(),
-        f"{pose.target}_from_bolt": pose.matrix.tolist(),
-        "quaternion_wxyz": pose.quaternion_wxyz.tolist(),
-        "visibility": str(bolt.visibility),
-        "visible_fraction": bolt.visible_fraction,
-        "sigma_lateral_mm": bolt.sigma_lateral_mm,
-        "sigma_axial_mm": bolt.sigma_axial_mm,
-        "sigma_axis_rad": bolt.sigma_axis_rad,
-        "head_diameter_mm": bolt.head_diameter_mm,
-        "is_sure": bolt.is_sure,
-        "cluster_centre_mm": bolt.cluster_centre.tolist(),
-        "remarks": list(bolt.remarks),
-    }
+def read_poses(path: str | Path) -> PosesFile:
+    """Read and check a `poses.json`.
+
+    Raises:
+        InputFileError: The file is missing, no JSON, or breaks the schema.
+    """
+    wanted = f"a file of schema {SCHEMA}"
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise InputFileError(path, "no such file", wanted) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputFileError(path, f"no readable text ({error})", wanted) from error
+    try:
+        return PosesFile.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"]) or "the file"
+        raise InputFileError(path, f"{where}: {first['msg']}", wanted) from error
 
 
-def _verdict(verdict: Verdict) -> dict[str, Any]:
-    return {
-        "failed": [str(check) for check in verdict.failed],
-        "scores": dict(verdict.scores),
-        "thresholds": dict(verdict.thresholds),
-    }
+def json_schema() -> str:
+    """The JSON Schema of `poses.json`, as shipped in `SCHEMA_FILE`."""
+    return json.dumps(PosesFile.model_json_schema(by_alias=True), indent=2) + "\n"
 
 
-def _registration(registration: Registration) -> dict[str, Any]:
-    return {
-        "camera_from_prior": registration.camera_from_prior.matrix.tolist(),
-        "converged": registration.converged,
-        "rms_mm": registration.rms_mm,
-        "inlier_ratio": registration.inlier_ratio,
-        "score": registration.score,
-        "runner_up_score": registration.runner_up_score,
-        "covariance": registration.covariance.tolist(),
-        "centre_mm": registration.centre_mm.tolist(),
-    }
+def _bolt(bolt: LocatedBolt) -> BoltPose:
+    return BoltPose(
+        id=bolt.id,
+        side=bolt.side,
+        head_top=bolt.head_top.tolist(),
+        position=bolt.position.tolist(),
+        cluster_centre=bolt.cluster_centre.tolist(),
+        axis=bolt.axis.tolist(),
+        rotation=bolt.frame_from_bolt.rotation.tolist(),
+        quaternion_wxyz=bolt.frame_from_bolt.quaternion_wxyz.tolist(),
+        head_diameter_mm=bolt.head_diameter_mm,
+        head_height_mm=bolt.head_height_mm,
+        visibility=bolt.visibility,
+        visible_share=bolt.visible_fraction,
+        confidence=bolt.confidence,
+        sure=bolt.is_sure,
+        remarks=list(bolt.remarks),
+        covariance_mm2=bolt.covariance_mm2.tolist(),
+        sigma_lateral_mm=bolt.sigma_lateral_mm,
+        sigma_axial_mm=bolt.sigma_axial_mm,
+        sigma_axis_deg=float(np.degrees(bolt.sigma_axis_rad)),
+    )
+
+
+def _candidate(registration: Registration) -> Candidate:
+    return Candidate(
+        camera_from_prior=registration.camera_from_prior.matrix.tolist(),
+        converged=registration.converged,
+        rms_mm=registration.rms_mm,
+        inlier_ratio=registration.inlier_ratio,
+        score=registration.score,
+        runner_up_score=registration.runner_up_score,
+        covariance=registration.covariance.tolist(),
+        centre_mm=registration.centre_mm.tolist(),
+    )

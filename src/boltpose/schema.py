@@ -51,15 +51,24 @@ class Status(StrEnum):
 
 
 class Check(StrEnum):
-    """What a refusal is about; stable names for logs, statistics and tests."""
+    """What a refusal is about, the most telling first; stable codes for robots, logs and tests."""
 
-    TOO_FEW_POINTS = "too_few_motor_points"
+    NO_MOTOR = "no_motor"
+    """Nothing, or next to nothing, in the scan looks like a motor."""
+    TOO_FEW_POINTS = "too_few_points"
+    """Part of a motor, but too little of it to register."""
+    EXPLAINED = "wrong_motor"
+    """What was taken for the motor does not lie on the posed prior: another motor, or none."""
     FREE_SPACE = "free_space_violated"
-    EXPLAINED = "scan_not_explained"
-    FIT = "surfaces_differ"
+    """The camera saw through where the posed motor would be."""
+    FIT = "poor_fit"
+    """It lies near the prior but not on it: another size, a changed motor, a pose that is off."""
     COVERAGE = "prior_not_covered"
+    """Surface of the posed motor in free view was not measured where it should be."""
     AMBIGUOUS = "ambiguous_pose"
+    """A clearly different pose fits nearly as well."""
     UNCONSTRAINED = "pose_not_constrained"
+    """The points leave the pose free to slide or turn, or refinement did not settle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +137,8 @@ class PriorBolt:
     """Shape (3,), mm, frame `prior`: mean of the bolt's points, the paper's position."""
     head_diameter_mm: float
     """Across the corners of the flank fit: 2 r of the fitted circle."""
+    head_height_mm: float
+    """From the top face down to where the points of the head end."""
     point_count: int
     class_probability: float
     """Mean probability of class bolt over the cluster, 0 to 1."""
@@ -139,6 +150,15 @@ class PriorBolt:
     """False: a person should look at this bolt once before production."""
     remarks: tuple[str, ...] = ()
     """Why it is unsure, or that a person placed it."""
+
+    @property
+    def confidence(self) -> float:
+        """Class probability, halved if no flank carries the axis; 0 to 1, not calibrated.
+
+        Support counts in full from 20 on, where the axis never was off by more than 0.3 mm
+        (FINDINGS, section 1b; simulated).
+        """
+        return self.class_probability * (0.5 + 0.5 * min(1.0, max(0.0, self.head_fit_support) / 20))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -229,16 +249,26 @@ class LocatedBolt:
     """1 sigma beside the axis, the larger of the two directions."""
     sigma_axial_mm: float
     sigma_axis_rad: float
+    covariance_mm2: FloatArray
+    """Shape (3, 3), of `head_top`, same frame as the pose; the hand-eye's error is not in it."""
     head_diameter_mm: float
+    head_height_mm: float
+    confidence: float
+    """That this is a bolt where it is said to be, 0 to 1; see `PriorBolt.confidence`."""
     is_sure: bool
     cluster_centre: FloatArray
     """Shape (3,), mm, same frame as the pose: the paper's position."""
     remarks: tuple[str, ...] = ()
 
     @property
-    def position(self) -> FloatArray:
-        """Shape (3,), mm: `head_top`, the point on the axis at the top of the head."""
+    def head_top(self) -> FloatArray:
+        """Shape (3,), mm: the point on the axis at the top of the head, where the tool lands."""
         return self.frame_from_bolt.translation_mm
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (3,), mm: the head's centre, on the axis half way up the head."""
+        return self.head_top - 0.5 * self.head_height_mm * self.axis
 
     @property
     def axis(self) -> FloatArray:
@@ -258,6 +288,8 @@ class LocateResult:
     registration: Registration | None
     """The candidate pose, kept on refusal for diagnosis; None when not even one was found."""
     prior_name: str
+    base_from_camera: Transform | None = None
+    """The hand-eye that was used."""
     motor_mask: BoolArray | None = None
     """Shape (N,), which points of the scan lie on the posed prior; None unless
     `LocateConfig.label_scan` asked for it."""

@@ -35,11 +35,11 @@ def test_every_bolt_is_found_where_it_truly_is(result: LocateResult) -> None:
     heads = np.array([bolt["B"]["head_top"] for bolt in truth])
     partners = set()
     for bolt in result.bolts:
-        partner = int(np.linalg.norm(heads - bolt.position, axis=1).argmin())
+        partner = int(np.linalg.norm(heads - bolt.head_top, axis=1).argmin())
         partners.add(partner)
         true = truth[partner]
         axis = np.array(true["B"]["axis"])
-        offset = bolt.position - heads[partner]
+        offset = bolt.head_top - heads[partner]
         assert np.linalg.norm(offset - axis * (axis @ offset)) < 0.5
         assert abs(axis @ offset) < 0.5
         assert np.degrees(angle_between_rad(bolt.axis, axis)) < 0.6
@@ -98,7 +98,7 @@ def test_the_frame_of_the_prior_does_not_matter(result: LocateResult) -> None:
     again = locate(scan, moved, None, predictor)
     assert again.verdict.status is Status.OK
     for bolt, same in zip(result.bolts, again.bolts, strict=True):
-        assert np.linalg.norm(bolt.position - same.position) < 0.1
+        assert np.linalg.norm(bolt.head_top - same.head_top) < 0.1
 
 
 def _refused(scan: Scan, prior: Prior, probability: np.ndarray) -> LocateResult:

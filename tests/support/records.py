@@ -21,6 +21,7 @@ def prior_bolt(bolt_id: str = "T1", *, seed: int = 1, is_sure: bool = True) -> P
         ),
         cluster_centre=position + 0.4,
         head_diameter_mm=10.0,
+        head_height_mm=4.0,
         point_count=200,
         class_probability=0.97,
         head_fit_support=60.0,

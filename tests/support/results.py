@@ -96,7 +96,10 @@ def located(
                 sigma_lateral_mm=0.11,
                 sigma_axial_mm=0.22,
                 sigma_axis_rad=np.radians(0.33),
+                covariance_mm2=np.diag([0.0121, 0.0121, 0.0484]),
                 head_diameter_mm=bolt.head_diameter_mm,
+                head_height_mm=bolt.head_height_mm,
+                confidence=bolt.confidence,
                 is_sure=bolt.is_sure,
                 cluster_centre=pose.apply(bolt.cluster_centre),
                 remarks=bolt.remarks,
@@ -105,6 +108,7 @@ def located(
         ),
         registration=records.registration(CAMERA_FROM_PRIOR),
         prior_name=prior.name,
+        base_from_camera=base_from_camera,
         motor_mask=np.arange(count) < count // 2 if count else None,
         provenance={"version": "0"},
     )
@@ -128,6 +132,7 @@ def refused(prior: Prior, *, has_candidate: bool = True) -> LocateResult:
         bolts=(),
         registration=records.registration(CAMERA_FROM_PRIOR) if has_candidate else None,
         prior_name=prior.name,
+        base_from_camera=BASE_FROM_CAMERA,
     )
 
 

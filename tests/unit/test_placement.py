@@ -35,7 +35,7 @@ def test_the_pose_is_the_chain_of_the_three(
     placed = place(bolt, records.registration(camera_from_prior), base_from_camera)
 
     expected = base_from_camera.apply(camera_from_prior.apply(bolt.prior_from_bolt.translation_mm))
-    np.testing.assert_allclose(placed.position, expected, atol=1e-9)
+    np.testing.assert_allclose(placed.head_top, expected, atol=1e-9)
     assert placed.frame_from_bolt.target == "base"
     centre = base_from_camera.apply(camera_from_prior.apply(bolt.cluster_centre))
     np.testing.assert_allclose(placed.cluster_centre, centre, atol=1e-9)
@@ -55,7 +55,7 @@ def test_sigmas_are_those_of_sampled_motions(camera_from_prior: Transform) -> No
         bolt.sigma_lateral_mm,
         bolt.sigma_axial_mm,
     )
-    head = placed.position + own @ placed.frame_from_bolt.rotation.T - registration.centre_mm
+    head = placed.head_top + own @ placed.frame_from_bolt.rotation.T - registration.centre_mm
     moved = Rotation.from_rotvec(motions[:, :3]).apply(head) + motions[:, 3:]
     local = (moved - moved.mean(axis=0)) @ placed.frame_from_bolt.rotation
     assert placed.sigma_axial_mm == pytest.approx(local[:, 2].std(), rel=0.03)

@@ -101,16 +101,17 @@ def locate_bolts(
             },
             on_stage=progress.done,
         )
+    timings_ms = {stage: 1000 * seconds for stage, seconds in progress.seconds.items()}
     if picture is not None:
         from boltpose.picture import draw_located
 
         draw_located(picture, result, view, known, base_from_camera)
     if output is not None:
-        write_poses(output, result)
+        write_poses(output, result, timings_ms)
     if base_from_camera is None:
         warn("no --hand-eye: poses are in frame 'camera', NOT in the robot's base")
     if as_json:
-        typer.echo(dump_json(result), nl=False)
+        typer.echo(dump_json(result, timings_ms), nl=False)
     else:
         from boltpose.cli.tables import describe_result
 

@@ -112,7 +112,7 @@ def _bolt_row(bolt: LocatedBolt) -> tuple[str | Text, ...]:
     return (
         bolt.id,
         str(bolt.side),
-        _numbers(bolt.position, "8.2f"),
+        _numbers(bolt.head_top, "8.2f"),
         _numbers(bolt.axis, "6.3f"),
         seen,
         f"{bolt.sigma_lateral_mm:.2f}/{bolt.sigma_axial_mm:.2f}",

@@ -217,7 +217,7 @@ def _bolt_record(bolt: LocatedBolt, truth: TrueBolt, view: TrueView) -> LocatedB
         true_id=truth.id,
         is_sure=bolt.is_sure,
         error=measure_bolt_error(
-            bolt.position,
+            bolt.head_top,
             bolt.axis,
             frame_from_prior.apply(truth.head_top_mm),
             frame_from_prior.rotate(truth.axis),

@@ -137,6 +137,7 @@ def _place_at(
         ),
         cluster_centre=click,
         head_diameter_mm=config.nominal_diameter_mm,
+        head_height_mm=0.4 * config.nominal_diameter_mm,  # hexagon heads, ISO 4017
         point_count=int(near.sum()),
         class_probability=1.0,
         head_fit_support=0.0,

@@ -174,17 +174,22 @@ def _as_bolt(
     members = head.members[bolt_share[head.members] >= 0.5]
     if len(members) == 0:
         members = head.members
+    top = alignment.prior_from_motor.apply(head.centre_mm)
+    rotation = bolt_rotation(head.side, alignment)
+    depth = (top - cloud[members]) @ rotation[:, 2]
     return PriorBolt(
         id="",
         side=head.side,
         prior_from_bolt=Transform.from_parts(
             "prior",
             "bolt",
-            bolt_rotation(head.side, alignment),
-            alignment.prior_from_motor.apply(head.centre_mm),
+            rotation,
+            top,
         ),
         cluster_centre=cloud[members].mean(axis=0),
         head_diameter_mm=2 * head.radius_mm,
+        # the lowest labelled points, but for strays: right to 0.06 mm in the median (simulated)
+        head_height_mm=max(0.5, float(np.percentile(depth, 95))),
         point_count=len(members),
         class_probability=head.probability,
         head_fit_support=head.support,

@@ -51,10 +51,12 @@ def verify(
     config = config or VerifyConfig()
     points = as_points(motor_points, "motor_points", at_least=0)
     if registration is None:
+        # a tenth of what registration needs is noise in the labels, not part of a motor
+        has_some = len(points) >= 0.1 * config.min_motor_points
         return _verdict(
             [
                 _Rule(
-                    Check.TOO_FEW_POINTS,
+                    Check.TOO_FEW_POINTS if has_some else Check.NO_MOTOR,
                     "motor_points",
                     float(len(points)),
                     float(config.min_motor_points),

@@ -23,7 +23,6 @@ _SPACINGS = 1.2
 """On a covered surface no point is farther than this many spacings from a scan point."""
 _LARGEST_REACH_MM = 2.0
 """A scan coarser than this says nothing about a bolt head of 4 mm."""
-_PIXEL_REACH_MM = 0.7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,10 +112,10 @@ def _see_bolt(
         tree = KDTree(near)
         spacing, _ = tree.query(near[:: max(1, len(near) // 200)], k=2)
         reach = max(config.tolerance_mm, _SPACINGS * float(np.median(spacing[:, 1])))
-        distance, _ = tree.query(head, distance_upper_bound=min(reach, _LARGEST_REACH_MM))
+        reach = min(reach, _LARGEST_REACH_MM)
+        distance, _ = tree.query(head, distance_upper_bound=reach)
         fraction = float(np.isfinite(distance).mean())
-        # counted as reman18 does, so that a coarse prior loses no pixel
-        back, _ = KDTree(head).query(near, distance_upper_bound=_PIXEL_REACH_MM)
+        back, _ = KDTree(head).query(near, distance_upper_bound=reach)
         count = int(np.isfinite(back).sum())
     return BoltSight(
         bolt_id=bolt.id,

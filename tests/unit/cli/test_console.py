@@ -43,7 +43,7 @@ def test_no_number_is_cut_off_in_the_narrowest_table() -> None:
     assert "…" not in text
     for bolt in result.bolts:
         row = next(line for line in text.splitlines() if line.split()[:1] == [bolt.id])
-        assert all(f"{value:.2f}" in row for value in bolt.position)
+        assert all(f"{value:.2f}" in row for value in bolt.head_top)
         assert all(f"{value + 0.0:.3f}" in row for value in bolt.axis)
 
 

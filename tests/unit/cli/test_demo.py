@@ -23,15 +23,16 @@ def test_the_demo_finds_every_bolt_hidden_or_not(run: Run, tmp_path: Path) -> No
     truth = json.loads((MOTOR / "bolts.json").read_text())[VIEW]["bolts"]
     assert poses["frame"] == "base"
     assert len(poses["bolts"]) == len(truth) == 9
-    found = np.array([bolt["base_from_bolt"] for bolt in poses["bolts"]])
+    tops = np.array([bolt["head_top"] for bolt in poses["bolts"]])
+    axes = np.array([bolt["axis"] for bolt in poses["bolts"]])
     for bolt in truth:
         head_top, axis = np.array(bolt["A"]["head_top"]), np.array(bolt["A"]["axis"])
-        offset = found[:, :3, 3] - head_top
+        offset = tops - head_top
         nearest = int(np.argmin(np.linalg.norm(offset, axis=1)))
         along = offset[nearest] @ axis
         assert np.linalg.norm(offset[nearest] - along * axis) < 1.0
         assert abs(along) < 1.0
-        assert found[nearest, :3, 2] @ axis > np.cos(np.radians(1.0))
+        assert axes[nearest] @ axis > np.cos(np.radians(1.0))
         assert poses["bolts"][nearest]["side"] == bolt["side"]
         is_hidden = poses["bolts"][nearest]["visibility"] == "hidden"
         assert is_hidden == (bolt["visible_fraction"] < 0.1)
@@ -43,7 +44,7 @@ def test_the_demo_finds_every_bolt_hidden_or_not(run: Run, tmp_path: Path) -> No
     assert outcome.out.count("OK: 9 bolts in frame 'base'") == 1
     assert "boltpose locate" in outcome.err
 
-    # once more from the prior on disk: the same bytes
+    # once more from the prior on disk: the same, but for the time it took
     again = tmp_path / "again.json"
     outcome = run(
         "locate", DEMO_FOLDER / "000002.png", "--prior", tmp_path / "out" / "motor.prior.npz",
@@ -51,4 +52,6 @@ def test_the_demo_finds_every_bolt_hidden_or_not(run: Run, tmp_path: Path) -> No
         "--camera", DEMO_FOLDER / "scene_camera.json", "-o", again, "--picture", tmp_path / "p.png",
     )  # fmt: skip
     assert outcome.code == 0
-    assert again.read_bytes() == (tmp_path / "out" / "poses.json").read_bytes()
+    repeated = json.loads(again.read_text())
+    assert repeated.pop("timings_ms").keys() == poses.pop("timings_ms").keys()
+    assert repeated == poses

@@ -26,6 +26,8 @@ THERE = ForeignRecord(
     surface_mm=0.3,
     reference_surface_mm=0.9,
     failed={"free_space_violated": 14, "scan_not_explained": 3},
+    right_but_refused=2,
+    right_failed={"surfaces_differ": 2},
     best_coverage=0.98,
     cpu_s=30.0,
 )
@@ -66,7 +68,8 @@ def test_the_section_names_package_licence_and_every_search() -> None:
     assert "Apache-2.0" in text
     assert "another program" in text
     row = (
-        "| toy in clutter | right or refuse | 20 | 6 | 1 | 1.2 mm, 0.57 deg "
+        "| toy in clutter | right or refuse | 20 | 6 | 1 | 2 places: surfaces_differ 2 "
+        "| 1.2 mm, 0.57 deg "
         "| 0.30 / 0.90 mm | 98.0 % | yes | 1.5 |"
     )
     assert row in text
