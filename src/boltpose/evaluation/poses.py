@@ -60,6 +60,8 @@ class LocatedBoltRecord:
     sigma_lateral_mm: float
     sigma_axial_mm: float
     sigma_axis_rad: float
+    position_sigmas: float
+    """Error of `head_top` in units of the stated covariance (Mahalanobis distance)."""
     is_truly_visible: bool
     visibility: Visibility
     visible_fraction: float
@@ -83,9 +85,7 @@ class LocatedBoltRecord:
     @property
     def is_position_covered(self) -> bool:
         """True if the stated 95 % ellipsoid holds the true `head_top`."""
-        lateral = self.error.lateral_mm / self.sigma_lateral_mm
-        axial = self.error.axial_mm / self.sigma_axial_mm
-        return math.hypot(lateral, axial) <= POSITION_LIMIT
+        return self.position_sigmas <= POSITION_LIMIT
 
     @property
     def is_axial_covered(self) -> bool:
@@ -211,20 +211,20 @@ def compare_with_truth(
 
 def _bolt_record(bolt: LocatedBolt, truth: TrueBolt, view: TrueView) -> LocatedBoltRecord:
     frame_from_prior = _frame_from_prior(bolt.frame_from_bolt.target, view)
+    true_top = frame_from_prior.apply(truth.head_top_mm)
+    offset = bolt.head_top - true_top
     seen = view.visibility[truth.id]
     return LocatedBoltRecord(
         found_id=bolt.id,
         true_id=truth.id,
         is_sure=bolt.is_sure,
         error=measure_bolt_error(
-            bolt.head_top,
-            bolt.axis,
-            frame_from_prior.apply(truth.head_top_mm),
-            frame_from_prior.rotate(truth.axis),
+            bolt.head_top, bolt.axis, true_top, frame_from_prior.rotate(truth.axis)
         ),
         sigma_lateral_mm=bolt.sigma_lateral_mm,
         sigma_axial_mm=bolt.sigma_axial_mm,
         sigma_axis_rad=bolt.sigma_axis_rad,
+        position_sigmas=math.sqrt(float(offset @ np.linalg.solve(bolt.covariance_mm2, offset))),
         is_truly_visible=seen.is_visible,
         visibility=bolt.visibility,
         visible_fraction=bolt.visible_fraction,

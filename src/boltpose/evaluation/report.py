@@ -30,7 +30,9 @@ _HOW = """\
 - *Visible* and *hidden* are the data set's flags (hidden: less than 10 % of the head measured).
 - *Wrong pose*: some bolt of the true motor model, moved by the found instead of the true pose, is
   more than 2 mm or 2 degrees off. Refused views count in no table of errors.
-- *Held*: the truth lies in the stated 95 % region (two, one or three normal dimensions).
+- *Held*: the truth lies in the stated 95 % region: the covariance's ellipsoid for the position,
+  2.45 sigma beside the axis and for its direction, 1.96 sigma along it. Were the sigmas exact,
+  the median position error would be 1.54 in units of the covariance; less is caution.
 - Hand-eye matrices of the data set are exact; a real cell adds its own calibration error.
 - *Time*: wall clock around the call, networks loaded, scan in memory; CPU of all threads.
   *Peak memory*: high-water mark of the evaluating process after the prior and the views."""

@@ -97,6 +97,7 @@ def prior_bolt(
         prior_from_bolt=bolt_pose(top, side),
         cluster_centre=top,
         head_diameter_mm=10.5,
+        head_height_mm=4.0,
         point_count=200,
         class_probability=0.9,
         head_fit_support=50.0,
@@ -161,7 +162,10 @@ def located(
             sigma_lateral_mm=0.1,
             sigma_axial_mm=0.1,
             sigma_axis_rad=0.002,
+            covariance_mm2=np.eye(3) * 0.01,
             head_diameter_mm=bolt.head_diameter_mm,
+            head_height_mm=bolt.head_height_mm,
+            confidence=bolt.confidence,
             is_sure=bolt.is_sure,
             cluster_centre=frame_from_prior.apply(bolt.cluster_centre),
         )

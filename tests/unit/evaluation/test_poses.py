@@ -164,9 +164,8 @@ def test_coverage_follows_the_stated_sigmas() -> None:
     tight = dataclasses.replace(bolt, sigma_lateral_mm=0.2 / (LATERAL_LIMIT * 1.001))
     assert not tight.is_lateral_covered
     assert dataclasses.replace(bolt, sigma_axial_mm=0.05).is_axial_covered is False
-    assert dataclasses.replace(bolt, sigma_axial_mm=0.05).is_position_covered is (
-        math.hypot(2, 2) <= POSITION_LIMIT
-    )
+    assert bolt.position_sigmas == pytest.approx(math.hypot(2, 1))
+    assert not dataclasses.replace(bolt, position_sigmas=POSITION_LIMIT * 1.001).is_position_covered
 
 
 def test_coverage_limits_are_95_percent_of_normal_errors() -> None:
