@@ -17,8 +17,8 @@ from boltpose.schema import Part, PriorBolt, Visibility
 _REACH_DIAMETERS = 0.85
 """Labelled points this many head diameters around the axis are the head: a flange reaches 0.68
 of the spanner size, and bolts stand farther apart."""
-_DEPTH_DIAMETERS = 0.9
-"""The same along the axis, below the top: socket heads are 0.62 diameters high."""
+_DEPTH_SLACK_MM = 1.0
+"""The same along the axis, beyond the head's height."""
 _SPACINGS = 1.2
 """On a covered surface no point is farther than this many spacings from a scan point."""
 _LARGEST_REACH_MM = 2.0
@@ -87,7 +87,7 @@ def head_surface(prepared: PreparedPrior, bolt: PriorBolt) -> FloatArray:
     head's cylinder are taken.
     """
     reach = _REACH_DIAMETERS * bolt.head_diameter_mm
-    depth = _DEPTH_DIAMETERS * bolt.head_diameter_mm
+    depth = bolt.head_height_mm + _DEPTH_SLACK_MM
     rows = np.array(
         prepared.tree.query_ball_point(
             bolt.prior_from_bolt.translation_mm, float(np.hypot(reach, depth))

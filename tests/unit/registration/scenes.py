@@ -94,6 +94,7 @@ def motor_prior(scale: float = 1.0) -> Prior:
                 prior_from_bolt=Transform.from_parts("prior", "bolt", rotation, top),
                 cluster_centre=np.array(top),
                 head_diameter_mm=2 * HEAD_RADIUS_MM,
+                head_height_mm=HEAD_HEIGHT_MM,
                 point_count=150,
                 class_probability=1.0,
                 head_fit_support=50.0,

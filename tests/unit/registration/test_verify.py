@@ -136,12 +136,15 @@ def test_a_body_that_looks_the_same_from_all_around_is_refused() -> None:
     assert Check.AMBIGUOUS in verdict.failed
 
 
-def test_no_pose_is_refused_for_too_few_points() -> None:
-    verdict = verify(None, prepared_motor(), build_scene(np.zeros((0, 3))), np.zeros((0, 3)))
+@pytest.mark.parametrize(("count", "check"), [(0, Check.NO_MOTOR), (100, Check.TOO_FEW_POINTS)])
+def test_no_pose_is_refused(scan, count: int, check: Check) -> None:
+    points, _ = scan
+
+    verdict = verify(None, prepared_motor(), build_scene(points), points[:count])
 
     assert verdict.status is Status.REFUSED
-    assert verdict.failed == (Check.TOO_FEW_POINTS,)
-    assert verdict.reasons == ("no pose was found for 0 motor points",)
+    assert verdict.failed == (check,)
+    assert verdict.reasons == (f"no pose was found for {count} motor points",)
 
 
 @pytest.mark.parametrize(
