@@ -47,8 +47,10 @@ class FindBoltsConfig:
     """Lateral sigma up to which a bolt may be sure: 0.5 mm is then 2.5 sigma."""
     sigma_scale: float = 1.5
     """Of the fit's own sigma; its octants are not quite independent."""
-    sigma_floor_mm: float = 0.05
+    sigma_floor_mm: float = 0.03
     """Lateral error that the fit cannot see (relief of rust, registration of strips)."""
+    sigma_bias_mm: float = 0.4
+    """Divided by the support: where little flank is seen, other surfaces pull the fit."""
     sigma_unfitted_mm: float = 1.0
     """Lateral sigma of the middle of a top face, where no flank was found."""
     sigma_level_mm: float = 0.05
@@ -66,6 +68,7 @@ class FindBoltsConfig:
             "sure_sigma_mm",
             "sigma_scale",
             "sigma_floor_mm",
+            "sigma_bias_mm",
             "sigma_unfitted_mm",
             "sigma_level_mm",
         ):
@@ -120,6 +123,8 @@ def find_bolts(
 def _is_bolt(head: Head, config: FindBoltsConfig) -> bool:
     if 2 * head.radius_mm < config.min_diameter_mm:
         return False
+    if head.fit is None and 2 * head.radius_mm < config.sure_diameter_mm:
+        return False
     if head.face_coverage < config.min_face_coverage:
         return False
     # a nut on a terminal has the shape of a head, and only its class tells it from a bolt
@@ -158,8 +163,9 @@ def _as_bolt(
 ) -> PriorBolt:
     sigma = config.sigma_unfitted_mm
     if head.fit is not None:
-        own = config.sigma_scale * head.fit.sigma_mm
-        sigma = min(float(np.hypot(own, config.sigma_floor_mm)), config.sigma_unfitted_mm)
+        noise = np.hypot(config.sigma_scale * head.fit.sigma_mm, config.sigma_floor_mm)
+        bias = config.sigma_bias_mm / max(head.support, 0.1)
+        sigma = min(float(np.hypot(noise, bias)), config.sigma_unfitted_mm)
     remarks: list[str] = []
     if head.fit is None:
         remarks.append("no flank seen: centre of the top face")
