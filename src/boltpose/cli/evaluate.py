@@ -41,6 +41,7 @@ def evaluate(
     """Evaluate on labelled data, every motor by networks that saw none of its family."""
     check_output(report, REPORT_SUFFIXES)
 
+    from boltpose.evaluation.foreign import read_foreign, render_foreign
     from boltpose.evaluation.report import render_report, write_report
     from boltpose.evaluation.run import evaluate as run_evaluation
     from boltpose.evaluation.run import read_records
@@ -51,6 +52,8 @@ def evaluate(
             data, models, records, motors=motors, resume=not fresh, console=note_console()
         )
     measured = read_records(records)
-    write_report(report, render_report(measured))
+    foreign_report = records.parent / "foreign" / "report.json"
+    foreign = render_foreign(read_foreign(foreign_report)) if foreign_report.exists() else ""
+    write_report(report, render_report(measured, foreign=foreign))
     answer_console().print(cli_summary(measured))
     note_console().print(f"wrote {report}", soft_wrap=True)
