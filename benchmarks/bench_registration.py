@@ -7,7 +7,10 @@
 Masks are the true ones, or the true ones made worse on purpose: what a network gets wrong is
 measured by `boltpose evaluate`. Priors are built from the full scans with their true labels.
 Families with an even index chose the thresholds of `VerifyConfig`, the odd ones test them.
-Times are CPU seconds of this process. Writes every score of every case to a CSV.
+Times are CPU seconds of this process. `--csv FILE` writes every score of every case, and
+`--table FILE ...` prints the tables of such files under today's thresholds. Two are kept:
+results/registration_right.csv (`--only right`, 72 views) and
+results/registration_right_and_wrong_view0.csv (`--views 1`: every right and wrong case, 18 views).
 """
 
 from __future__ import annotations
