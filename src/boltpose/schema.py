@@ -136,7 +136,7 @@ class PriorBolt:
     cluster_centre: FloatArray
     """Shape (3,), mm, frame `prior`: mean of the bolt's points, the paper's position."""
     head_diameter_mm: float
-    """Across the corners of the flank fit: 2 r of the fitted circle."""
+    """2 r of the flank fit: the spanner size of a hexagon, the diameter of a round head."""
     head_height_mm: float
     """From the top face down to where the points of the head end."""
     point_count: int
