@@ -12,8 +12,7 @@ from boltpose.arrays import FloatArray, as_points
 from boltpose.errors import ConfigError, ShapeError
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.alignment import bolt_rotation
-from boltpose.prior.head_hough import HoughConfig, propose_heads
-from boltpose.prior.heads import Head, HeadConfig, MotorCloud, find_heads, measure_head
+from boltpose.prior.heads import Head, HeadConfig, MotorCloud, find_heads
 from boltpose.schema import Alignment, Part, PriorBolt, Side
 
 _FIRST_ANGLE_RAD = np.deg2rad(-10.0)
@@ -30,13 +29,7 @@ class FindBoltsConfig:
     """
 
     heads: HeadConfig = field(default_factory=HeadConfig)
-    hough: HoughConfig = field(default_factory=HoughConfig)
-    """Second opinion, from the shape alone; `max_candidates=0` turns it off."""
-    min_probability_proposed: float = 0.15
-    """Mean class probability of a head that was proposed by its shape and not by its labels. On
-    reman18 (simulated) studs and shaft ends proposed so had at most 0.08."""
-    min_probability_unsupported: float = 0.85
-    """Mean class probability asked for where no flank is seen."""
+    min_probability_unsupported: float = 0.75
     full_support: float = 8.0
     """Head-fit support from which the shape alone is convincing. On reman18 (simulated) no false
     candidate of three networks, each blind for the motor's family, had more than 4.2."""
@@ -52,9 +45,9 @@ class FindBoltsConfig:
     """Head-fit support from which a bolt may be sure."""
     sure_sigma_mm: float = 0.2
     """Lateral sigma up to which a bolt may be sure: 0.5 mm is then 2.5 sigma."""
-    sigma_scale: float = 1.0
-    """Of the sigma the fit itself states from leaving out parts of the flank."""
-    sigma_floor_mm: float = 0.02
+    sigma_scale: float = 1.5
+    """Of the fit's own sigma; its octants are not quite independent."""
+    sigma_floor_mm: float = 0.03
     """Lateral error that the fit cannot see (relief of rust, registration of strips)."""
     sigma_bias_mm: float = 0.4
     """Divided by the support: where little flank is seen, other surfaces pull the fit."""
@@ -64,12 +57,7 @@ class FindBoltsConfig:
     """Of the height of a top face; plus the roughness of the face itself."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "min_probability_unsupported",
-            "min_probability_proposed",
-            "min_face_coverage",
-            "sure_probability",
-        ):
+        for name in ("min_probability_unsupported", "min_face_coverage", "sure_probability"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must be 0 to 1, got {getattr(self, name)}")
         for name in (
@@ -128,7 +116,6 @@ def find_bolts(
     motor_from_prior = alignment.prior_from_motor.inverse()
     motor = MotorCloud.build(motor_from_prior.apply(cloud), motor_from_prior.rotate(outward), share)
     heads = [head for head in find_heads(motor, settings.heads) if _is_bolt(head, settings)]
-    heads += _overlooked(motor, heads, settings)
     bolts = [_as_bolt(head, cloud, bolt_share, alignment, settings) for head in drop_doubles(heads)]
     return number_bolts(bolts, alignment)
 
@@ -145,24 +132,6 @@ def _is_bolt(head: Head, config: FindBoltsConfig) -> bool:
         return False
     missing = max(1.0 - head.support / config.full_support, 0.0)
     return head.probability >= config.min_probability_unsupported * missing
-
-
-def _overlooked(motor: MotorCloud, known: Sequence[Head], config: FindBoltsConfig) -> list[Head]:
-    """Heads the labels missed: their shape is convincing and the network did not rule them out."""
-    found: list[Head] = []
-    for face in propose_heads(motor, config.hough):
-        middle = motor.points[face, :2].mean(axis=0)
-        if any(np.linalg.norm(middle - head.centre_mm[:2]) < head.radius_mm for head in known):
-            continue
-        head = measure_head(motor, face, config.heads)
-        if (
-            _is_bolt(head, config)
-            and head.support >= config.full_support
-            and head.probability >= config.min_probability_proposed
-            and 2 * head.radius_mm >= config.sure_diameter_mm
-        ):
-            found.append(head)
-    return found
 
 
 def drop_doubles(heads: Sequence[Head]) -> list[Head]:

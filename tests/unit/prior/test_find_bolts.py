@@ -9,7 +9,6 @@ from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError, ShapeError
 from boltpose.prior.clustering import ClusterConfig, cluster_points
 from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
-from boltpose.prior.head_hough import HoughConfig
 from boltpose.prior.heads import HeadConfig
 from boltpose.schema import Part, PriorBolt, Side
 from tests.support.toy_heads import PLATE_MM, ToyHead, ToyPlate, toy_plate, true_alignment
@@ -25,11 +24,6 @@ FOUR = (
 def found(plate: ToyPlate, probabilities: FloatArray | None = None) -> tuple[PriorBolt, ...]:
     shares = plate.probabilities() if probabilities is None else probabilities
     return find_bolts(plate.points, plate.normals, shares, true_alignment())
-
-
-def found_without_proposals(plate: ToyPlate, shares: FloatArray) -> tuple[PriorBolt, ...]:
-    config = FindBoltsConfig(hough=HoughConfig(max_candidates=0))
-    return find_bolts(plate.points, plate.normals, shares, true_alignment(), config)
 
 
 def head_top(head: ToyHead) -> FloatArray:
@@ -164,32 +158,6 @@ def test_labels_on_the_flank_only_still_give_the_top_of_the_head() -> None:
     assert_is(bolts[0], FOUR[2])
 
 
-def test_a_head_the_labels_missed_is_found_by_its_shape() -> None:
-    plate = toy_plate(FOUR[:2])
-    # below the probability that makes a cluster
-    shares = soft(plate, (plate.labels == Part.BOLT) * 0.22)
-    assert found_without_proposals(plate, shares) == ()
-    bolts = found(plate, shares)
-    assert len(bolts) == 2
-    for bolt, head in zip(bolts, FOUR[:2], strict=True):
-        assert_is(bolt, head)
-        assert not bolt.is_sure
-
-
-def test_a_round_thing_the_network_rules_out_is_no_bolt() -> None:
-    plate = toy_plate(FOUR)
-    assert found(plate, soft(plate, np.zeros(len(plate.points)))) == ()
-
-
-def test_proposals_add_nothing_to_what_the_labels_show() -> None:
-    plate = toy_plate(FOUR)
-    shares = plate.probabilities()
-    with_proposals, without = found(plate, shares), found_without_proposals(plate, shares)
-    assert [bolt.id for bolt in with_proposals] == [bolt.id for bolt in without]
-    for first, second in zip(with_proposals, without, strict=True):
-        np.testing.assert_array_equal(first.prior_from_bolt.matrix, second.prior_from_bolt.matrix)
-
-
 def test_sigma_grows_where_less_is_seen() -> None:
     full, half = (
         found(toy_plate([ToyHead(x=0.0, y=0.0, corners=0, seen_deg=seen)]))[0]
@@ -226,10 +194,6 @@ def test_probabilities_that_do_not_fit_are_refused(broken: str) -> None:
         (HeadConfig, {"face_percentile": 101.0}),
         (HeadConfig, {"normal_neighbours": 2}),
         (HeadConfig, {"max_step_mm": 0.0}),
-        (HoughConfig, {"radii_mm": ()}),
-        (HoughConfig, {"cell_mm": 0.0}),
-        (HoughConfig, {"min_sectors": 13}),
-        (HoughConfig, {"max_candidates": -1}),
         (ClusterConfig, {"eps_mm": 0.0}),
         (ClusterConfig, {"min_points": 0}),
     ],
