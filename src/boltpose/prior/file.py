@@ -60,7 +60,9 @@ def read_prior(path: str | Path) -> Prior:
     except FileNotFoundError as error:
         raise InputFileError(path, "no such file", _WANTED) from error
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputFileError(path, f"no readable archive ({error})", _WANTED) from error
+        raise InputFileError(
+            path, f"no readable archive ({type(error).__name__})", _WANTED
+        ) from error
     found = header.get("format") if isinstance(header, dict) else None
     if found != FORMAT:
         raise InputFileError(path, f"format {found!r}", f"'{FORMAT}'")

@@ -108,7 +108,7 @@ def _rules(evidence: Evidence, config: VerifyConfig) -> list[_Rule]:
             Check.FIT,
             "tight",
             config.min_tight,
-            "share of these that lie on it within the measuring error",
+            "share of the motor points near the prior that lie on it to the measuring error",
         ),
         at_least(
             Check.COVERAGE,
