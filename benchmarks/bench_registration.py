@@ -41,7 +41,7 @@ from boltpose.registration.icp import refine_pose
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
 from boltpose.registration.register import rank_pose, register
 from boltpose.registration.scene import Scene, build_scene
-from boltpose.registration.verify import decide, verify
+from boltpose.registration.verify import decide, refuse_without_pose, verify
 from boltpose.registration.visibility import see_bolts
 from boltpose.schema import Registration, Status, Verdict
 
@@ -450,7 +450,7 @@ def read_csv(path: Path, families: dict[str, bool]) -> list[Row]:
         for line in csv.DictReader(file):
             scores = {name: float(line[name]) for name in line if name not in CSV_COLUMNS}
             if np.isnan(scores["tight"]):
-                verdict = verify(None, None, None, np.zeros((0, 3)))  # type: ignore[arg-type]
+                verdict = refuse_without_pose(0, VerifyConfig())
             else:
                 scores["motor_points"] = int(scores["motor_points"])
                 scores["judged_points"] = int(scores["judged_points"])

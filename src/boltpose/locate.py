@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,7 @@ from boltpose.registration.verify import verify
 from boltpose.registration.visibility import see_bolts
 from boltpose.schema import LocatedBolt, LocateResult, Prior, Registration, Scan, Status
 from boltpose.segmentation.predictor import ScenePredictor
-
-OnStage = Callable[[str, float], None]
-"""Called after each stage with its name and wall seconds; for progress and reports."""
+from boltpose.stages import OnStage, StageClock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +93,7 @@ def locate(
     """
     config = config or LocateConfig()
     frame = _check_frame(base_from_camera)
-    stages = _Stages(on_stage)
+    stages = StageClock(on_stage)
     # one BLAS thread: sums in another order give other bits
     with threadpool_limits(1, user_api="blas"):
         prepared = prior if isinstance(prior, PreparedPrior) else prepare_prior(prior)
@@ -139,18 +136,6 @@ def locate(
             **(provenance or {}),
         },
     )
-
-
-class _Stages:
-    def __init__(self, on_stage: OnStage | None) -> None:
-        self._on_stage = on_stage
-        self._start = perf_counter()
-
-    def done(self, name: str) -> None:
-        now = perf_counter()
-        if self._on_stage is not None:
-            self._on_stage(name, now - self._start)
-        self._start = now
 
 
 def _check_frame(base_from_camera: Transform | None) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,7 @@ from boltpose.prior.alignment import AlignmentConfig, align_motor
 from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
 from boltpose.schema import Alignment, Part, Prior, PriorBolt, Scan
 from boltpose.segmentation.predictor import PARTS, PartPredictor, PartProbabilities
-
-OnStage = Callable[[str, float], None]
-"""Called after each stage with its name and wall seconds; for progress and reports."""
+from boltpose.stages import OnStage, StageClock
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +88,7 @@ def build_prior(
         raise ConfigError(f"{scan.source}: use_file_labels is set but the scan has no labels")
     if not config.use_file_labels and predictor is None:
         raise ConfigError("build_prior needs a part predictor, or labels and use_file_labels")
-    stages = _Stages(on_stage)
+    stages = StageClock(on_stage)
     # one BLAS thread: sums in another order give other bits
     with threadpool_limits(1, user_api="blas"):
         keep = _thin(scan.points, config)
@@ -136,18 +133,6 @@ def build_prior(
             **(provenance or {}),
         },
     )
-
-
-class _Stages:
-    def __init__(self, on_stage: OnStage | None) -> None:
-        self._on_stage = on_stage
-        self._start = perf_counter()
-
-    def done(self, name: str) -> None:
-        now = perf_counter()
-        if self._on_stage is not None:
-            self._on_stage(name, now - self._start)
-        self._start = now
 
 
 def _thin(points: FloatArray, config: BuildConfig) -> IntArray:

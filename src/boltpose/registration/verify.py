@@ -51,22 +51,32 @@ def verify(
     config = config or VerifyConfig()
     points = as_points(motor_points, "motor_points", at_least=0)
     if registration is None:
-        # a tenth of what registration needs is noise in the labels, not part of a motor
-        has_some = len(points) >= 0.1 * config.min_motor_points
-        return _verdict(
-            [
-                _Rule(
-                    Check.TOO_FEW_POINTS if has_some else Check.NO_MOTOR,
-                    "motor_points",
-                    float(len(points)),
-                    float(config.min_motor_points),
-                    False,
-                    f"no pose was found for {len(points)} motor points",
-                )
-            ]
-        )
+        return refuse_without_pose(len(points), config)
     evidence = gather_evidence(registration, prepared, scene, points, config.evidence)
     return decide(evidence, config)
+
+
+def refuse_without_pose(motor_points: int, config: VerifyConfig) -> Verdict:
+    """Refuse where registration found no pose at all.
+
+    Args:
+        motor_points: How many scan points were taken for the motor.
+        config: Thresholds.
+    """
+    # a tenth of what registration needs is noise in the labels, not part of a motor
+    has_some = motor_points >= 0.1 * config.min_motor_points
+    return _verdict(
+        [
+            _Rule(
+                Check.TOO_FEW_POINTS if has_some else Check.NO_MOTOR,
+                "motor_points",
+                float(motor_points),
+                float(config.min_motor_points),
+                False,
+                f"no pose was found for {motor_points} motor points",
+            )
+        ]
+    )
 
 
 def decide(evidence: Evidence, config: VerifyConfig) -> Verdict:
