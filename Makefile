@@ -71,5 +71,5 @@ $(VENV)/.core.stamp: pyproject.toml
 
 $(VENV)/.dev.stamp: pyproject.toml | $(VENV)/.core.stamp
 	@echo "installing the development tools into $(VENV)"
-	@$(PIP) -e ".[dev,train]"
+	@$(PIP) -e ".[dev,train,synth]"
 	@touch $@

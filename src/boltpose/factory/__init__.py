@@ -1,0 +1,1 @@
+"""Parametric starter motors, clamps and wear, made of watertight solids with exact truth."""

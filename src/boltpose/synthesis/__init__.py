@@ -1,0 +1,1 @@
+"""Labelled data sets of synthetic motors and clamped scenes, made at any scale."""
