@@ -73,6 +73,8 @@ class BoltSpec(SpecModel):
     """From the seat to the top; None takes the standard's."""
     recess_mm: float = Field(default=0, ge=0, le=15)
     """How deep a counterbore sinks the seat below the surface."""
+    dish_mm: float = Field(default=0, ge=0, le=1.5)
+    """How deep the top of a hexagon is pressed in; 0 for a flat one."""
     washer: bool = False
     roll_deg: float = 0
     """Turn of the head about its axis."""
