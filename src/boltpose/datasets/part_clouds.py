@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import itertools
 import json
-from collections.abc import Callable
+import logging
+import multiprocessing
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -13,9 +18,12 @@ from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import Float32Array, FloatArray, UInt8Array
 from boltpose.datasets.reman18 import Reman18
+from boltpose.errors import DegenerateGeometryError
 from boltpose.geometry.canonical import find_canonical_frame
 from boltpose.geometry.normals import estimate_normals, orient_outward
 from boltpose.segmentation.part_features import FEATURE_CONFIG, describe_canonical
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,14 +119,46 @@ def build_part_clouds(
     return tuple(clouds)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartCloudSet:
+    """Training clouds on disk, read one motor at a time: hundreds of motors do not fit in memory.
+
+    Iterating gives the clouds of all motors in order.
+    """
+
+    motors: tuple[str, ...]
+    families: tuple[str, ...]
+    """Family of each motor."""
+    paths: tuple[Path, ...]
+    """File of each motor."""
+
+    def __iter__(self) -> Iterator[PartCloud]:
+        for motor, family, path in zip(self.motors, self.families, self.paths, strict=True):
+            yield from _read_clouds(path, motor, family)
+
+    def __len__(self) -> int:
+        """Number of motors."""
+        return len(self.motors)
+
+    def of_family(self, family: str) -> PartCloudSet:
+        """The motors of one family."""
+        kept = [number for number, name in enumerate(self.families) if name == family]
+        return PartCloudSet(
+            motors=tuple(self.motors[number] for number in kept),
+            families=tuple(self.families[number] for number in kept),
+            paths=tuple(self.paths[number] for number in kept),
+        )
+
+
 def load_part_clouds(
     data: Reman18,
     cache: Path,
     *,
     config: PartCloudConfig | None = None,
     seed: int = 0,
+    workers: int = 1,
     on_motor: Callable[[str], None] = lambda motor: None,
-) -> tuple[PartCloud, ...]:
+) -> PartCloudSet:
     """Training clouds of all motors; made on the first call, read from `cache` afterwards.
 
     Args:
@@ -126,26 +166,63 @@ def load_part_clouds(
         cache: Folder for one file per motor; the files' names change with the settings.
         config: How clouds are made.
         seed: Of the changes to copies.
-        on_motor: Called with the name of each motor before it is made or read.
+        workers: Processes that make clouds; the result does not depend on it.
+        on_motor: Called with the name of each motor once its file is there.
 
     Returns:
-        `config.copies` clouds per motor, motors in order.
+        `config.copies` clouds per motor, motors in order. Motors whose full scan has no canonical
+        frame are left out, as they would be refused when a prior is built; a warning is logged.
+
+    Raises:
+        DegenerateGeometryError: No motor has a canonical frame.
     """
     setting = config or PartCloudConfig()
     described = json.dumps([asdict(setting), asdict(FEATURE_CONFIG), seed], sort_keys=True)
     key = hashlib.sha256(described.encode()).hexdigest()[:12]
     cache.mkdir(parents=True, exist_ok=True)
-    clouds: list[PartCloud] = []
-    for number, motor in enumerate(data.motors):
-        on_motor(motor)
-        path = cache / f"{motor}_{key}.npz"
-        if path.exists():
-            clouds.extend(_read_clouds(path, motor, data.family(motor)))
-            continue
-        made = build_part_clouds(data, motor, setting, np.random.default_rng([seed, number]))
-        _write_clouds(path, made)
-        clouds.extend(made)
-    return tuple(clouds)
+    tasks = [
+        (data, motor, setting, (seed, number), cache / f"{motor}_{key}.npz")
+        for number, motor in enumerate(data.motors)
+    ]
+    made: list[bool] = []
+    with contextlib.ExitStack() as stack:
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+            results = pool.map(_make_clouds, *zip(*tasks, strict=True))
+        else:
+            results = itertools.starmap(_make_clouds, tasks)
+        for motor, is_made in zip(data.motors, results, strict=True):
+            made.append(is_made)
+            on_motor(motor)
+    kept = [task for task, is_made in zip(tasks, made, strict=True) if is_made]
+    if not kept:
+        raise DegenerateGeometryError(f"no full scan under {data.root} has a canonical frame")
+    if len(kept) < len(tasks):
+        logger.warning(
+            "%d of %d full scans have no canonical frame and are left out",
+            len(tasks) - len(kept),
+            len(tasks),
+        )
+    return PartCloudSet(
+        motors=tuple(motor for _, motor, _, _, _ in kept),
+        families=tuple(data.family(motor) for _, motor, _, _, _ in kept),
+        paths=tuple(path for _, _, _, _, path in kept),
+    )
+
+
+def _make_clouds(
+    data: Reman18, motor: str, config: PartCloudConfig, seed: tuple[int, int], path: Path
+) -> bool:
+    """Make one motor's file unless it is there; False if the scan has no canonical frame."""
+    if path.exists():
+        return True
+    try:
+        clouds = build_part_clouds(data, motor, config, np.random.default_rng(seed))
+    except DegenerateGeometryError:
+        return False
+    _write_clouds(path, clouds)
+    return True
 
 
 def _write_clouds(path: Path, clouds: tuple[PartCloud, ...]) -> None:

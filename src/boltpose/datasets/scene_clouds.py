@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import itertools
 import json
+import multiprocessing
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -53,43 +57,71 @@ def build_scene_cloud(motor: str, family: str, number: int, view: LabelledCloud)
 
 
 def load_scene_clouds(
-    data: Reman18, cache: Path, *, on_motor: Callable[[str], None] = lambda motor: None
+    data: Reman18,
+    cache: Path,
+    *,
+    workers: int = 1,
+    on_view: Callable[[], None] = lambda: None,
 ) -> tuple[SceneCloud, ...]:
-    """All views of all motors; described on the first call, read from `cache` afterwards."""
+    """All views of all motors; described on the first call, read from `cache` afterwards.
+
+    Args:
+        data: The motors.
+        cache: Folder for one file per view; the files' names change with the settings.
+        workers: Processes that describe views; the result does not depend on it.
+        on_view: Called once for every view whose file is there.
+    """
     described = json.dumps([asdict(SCENE_CONFIG), 2, SCENE_WIDTH, VOXEL_MM], sort_keys=True)
     key = hashlib.sha256(described.encode()).hexdigest()[:12]
     cache.mkdir(parents=True, exist_ok=True)
+    tasks = [
+        (data, motor, number, cache / f"{motor}_{number}_{key}.npz")
+        for motor in data.motors
+        for number in range(data.view_count(motor))
+    ]
     clouds: list[SceneCloud] = []
-    for motor in data.motors:
-        on_motor(motor)
-        family = data.family(motor)
-        for number in range(data.view_count(motor)):
-            path = cache / f"{motor}_{number}_{key}.npz"
-            if not path.exists():
-                cloud = build_scene_cloud(motor, family, number, data.view(motor, number))
-                temporary = path.with_suffix(".tmp.npz")
-                np.savez(
-                    temporary,
-                    allow_pickle=False,
-                    points=cloud.described.points,
-                    features=cloud.described.features,
-                    motor_share=cloud.motor_share,
-                    counts=cloud.counts,
-                )
-                temporary.replace(path)
-            with np.load(path, allow_pickle=False) as file:
-                clouds.append(
-                    SceneCloud(
-                        motor=motor,
-                        family=family,
-                        view=number,
-                        described=SceneFeatures(
-                            points=file["points"],
-                            features=file["features"],
-                            voxel=np.zeros(0, dtype=np.int64),
-                        ),
-                        motor_share=file["motor_share"],
-                        counts=file["counts"],
-                    )
-                )
+    with contextlib.ExitStack() as stack:
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(workers, mp_context=context))
+            results = pool.map(_describe_view, *zip(*tasks, strict=True))
+        else:
+            results = itertools.starmap(_describe_view, tasks)
+        for (_, motor, number, _), path in zip(tasks, results, strict=True):
+            clouds.append(_read_scene_cloud(path, motor, data.family(motor), number))
+            on_view()
     return tuple(clouds)
+
+
+def _describe_view(data: Reman18, motor: str, number: int, path: Path) -> Path:
+    """Make one view's file unless it is there."""
+    if not path.exists():
+        view = data.view(motor, number)
+        cloud = build_scene_cloud(motor, data.family(motor), number, view)
+        temporary = path.with_suffix(".tmp.npz")
+        np.savez(
+            temporary,
+            allow_pickle=False,
+            points=cloud.described.points,
+            features=cloud.described.features,
+            motor_share=cloud.motor_share,
+            counts=cloud.counts,
+        )
+        temporary.replace(path)
+    return path
+
+
+def _read_scene_cloud(path: Path, motor: str, family: str, number: int) -> SceneCloud:
+    with np.load(path, allow_pickle=False) as file:
+        return SceneCloud(
+            motor=motor,
+            family=family,
+            view=number,
+            described=SceneFeatures(
+                points=file["points"],
+                features=file["features"],
+                voxel=np.zeros(0, dtype=np.int64),
+            ),
+            motor_share=file["motor_share"],
+            counts=file["counts"],
+        )

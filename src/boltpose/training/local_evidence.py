@@ -40,6 +40,12 @@ class LocalEvidenceConfig:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
 
 
+def cross_fitting_folds(families: Iterable[str], folds: int) -> list[tuple[str, ...]]:
+    """Deal families into at most so many groups, each labelled by a network blind to it."""
+    ordered = sorted(families)
+    return [tuple(ordered[first::folds]) for first in range(min(folds, len(ordered)))]
+
+
 def join_rows(rows: Iterable[tuple[str, Float32Array, IntArray]]) -> Rows:
     """Collect features and classes, given with their family, per family."""
     features: dict[str, list[Float32Array]] = {}

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -30,6 +29,7 @@ from boltpose.training.augmentation import POSITION_ONLY_COLUMNS, PositionVariat
 from boltpose.training.local_evidence import (
     LocalEvidenceConfig,
     Rows,
+    cross_fitting_folds,
     join_rows,
     load_or_fit_local_evidence,
     predict_local_evidence,
@@ -47,6 +47,8 @@ class PartsConfig:
     """Recipe of the part networks; the same for every family left out."""
 
     clouds: PartCloudConfig = field(default_factory=PartCloudConfig)
+    folds: int = 6
+    """Groups of families in the cross-fitting of stage one: each of reman18's six by itself."""
     rows_per_cloud: int = 16000
     """Points of every cloud that stage one learns from."""
     extra_rows: int = 1500
@@ -84,13 +86,28 @@ class PartsConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("pool", "sub_cloud", "batch"):
+        for name in ("folds", "pool", "sub_cloud", "batch"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
         if not 0 <= self.local_weight < 1:
             raise ValueError(f"local_weight must be in [0, 1), got {self.local_weight}")
         if self.pool < self.sub_cloud:
             raise ValueError(f"pool must be >= sub_cloud, got {self.pool} < {self.sub_cloud}")
+
+    @classmethod
+    def for_many_motors(cls) -> PartsConfig:
+        """Recipe for hundreds of motors: the same networks, fewer points of each, longer."""
+        base = cls()
+        return replace(
+            base,
+            clouds=replace(base.clouds, copies=1),
+            folds=3,
+            rows_per_cloud=3000,
+            extra_rows=700,
+            local=replace(base.local, fit=replace(base.local.fit, steps=4000)),
+            pool=6000,
+            fit=replace(base.fit, steps=1600),
+        )
 
     def describe(self) -> dict[str, object]:
         """The recipe as JSON-ready values, for model cards and metrics."""
@@ -116,6 +133,7 @@ def train_parts(
     cache: Path,
     config: PartsConfig | None = None,
     *,
+    workers: int = 1,
     on_progress: Progress = lambda what, step, steps, loss: None,
 ) -> PartNetworks:
     """Train both stages on all families but one; interrupted runs go on where they stopped.
@@ -125,6 +143,7 @@ def train_parts(
         leave_out: Family no part of the training may see; None for the shipped networks.
         cache: Folder for features, stage-one networks and checkpoints.
         config: The recipe.
+        workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
     Returns:
@@ -136,7 +155,16 @@ def train_parts(
     recipe = config or PartsConfig()
     if leave_out is not None:
         data.motors_of(leave_out)
-    clouds = load_part_clouds(data, cache / "part_clouds", config=recipe.clouds, seed=recipe.seed)
+    motors = len(data.motors)
+    done = iter(range(motors))
+    clouds = load_part_clouds(
+        data,
+        cache / "part_clouds",
+        config=recipe.clouds,
+        seed=recipe.seed,
+        workers=workers,
+        on_motor=lambda motor: on_progress("features", next(done), motors, 0.0),
+    )
     rows = draw_rows(clouds, recipe)
     vary = partial(_vary_rows, recipe.variation)
 
@@ -152,14 +180,14 @@ def train_parts(
         )
 
     outer = set() if leave_out is None else {leave_out}
-    kept = [cloud for cloud in clouds if cloud.family not in outer]
     pool: Pool = []
-    for family, group in itertools.groupby(sorted(kept, key=_family), key=_family):
-        network = local(outer | {family})
-        for number, cloud in enumerate(group):
-            rng = np.random.default_rng([recipe.seed, len(pool), number])
-            pool.append(_pool_of(cloud, network, recipe.pool, rng))
-            logger.info("pooled %s", cloud.motor)
+    for fold in cross_fitting_folds(set(clouds.families) - outer, recipe.folds):
+        network = local(outer | set(fold))
+        for family in fold:
+            for number, cloud in enumerate(clouds.of_family(family)):
+                rng = np.random.default_rng([recipe.seed, len(pool), number])
+                pool.append(_pool_of(cloud, network, recipe.pool, rng))
+                logger.info("pooled %s", cloud.motor)
     network = fit_context(
         pool,
         recipe,
@@ -245,10 +273,6 @@ def fit_context(
 
     loss = fit(network, batch, recipe.fit, checkpoint=checkpoint, on_step=on_step)
     return network, loss
-
-
-def _family(cloud: PartCloud) -> str:
-    return cloud.family
 
 
 def _pool_of(

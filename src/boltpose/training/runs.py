@@ -69,6 +69,8 @@ def train_part_models(
     out: Path,
     config: PartsConfig | None = None,
     *,
+    test: Reman18 | None = None,
+    workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
     """Train the part networks and write them as ONNX.
@@ -79,14 +81,16 @@ def train_part_models(
         cache: Folder for features and checkpoints.
         out: Folder for parts_local.onnx, parts.onnx and metrics.json.
         config: The recipe.
+        test: Another data set to score on, all of it, instead of the family left out.
+        workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
     Returns:
-        Scores on the family left out, through the exported networks; None if none was.
+        Scores on what was held out, through the exported networks; None if nothing was.
     """
     recipe = config or PartsConfig()
     prepare_torch()
-    networks = train_parts(data, leave_out, cache, recipe, on_progress=on_progress)
+    networks = train_parts(data, leave_out, cache, recipe, workers=workers, on_progress=on_progress)
     round_to_half(networks.local)
     round_to_half(networks.context)
     export_onnx(
@@ -113,10 +117,11 @@ def train_part_models(
         },
         sample_shape=(2, 256, INPUT_WIDTH),
     )
-    if leave_out is None:
+    held_out = _held_out(data, leave_out, test)
+    if held_out is None:
         return None
     predictor = OnnxPartPredictor(out / PARTS_LOCAL_FILE, out / PARTS_FILE)
-    scores = score_parts(predictor, data, data.motors_of(leave_out))
+    scores = score_parts(predictor, *held_out)
     write_metrics(out, "parts", scores, recipe.describe())
     return scores
 
@@ -128,12 +133,14 @@ def train_scene_model(
     out: Path,
     config: SceneConfig | None = None,
     *,
+    test: Reman18 | None = None,
+    workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
     """Train the scene networks and write them as ONNX; arguments as for `train_part_models`."""
     recipe = config or SceneConfig()
     prepare_torch()
-    networks = train_scene(data, leave_out, cache, recipe, on_progress=on_progress)
+    networks = train_scene(data, leave_out, cache, recipe, workers=workers, on_progress=on_progress)
     round_to_half(networks.local)
     round_to_half(networks.context)
     export_onnx(
@@ -161,12 +168,22 @@ def train_scene_model(
         },
         sample_shape=(2, 256, SCENE_INPUT_WIDTH),
     )
-    if leave_out is None:
+    held_out = _held_out(data, leave_out, test)
+    if held_out is None:
         return None
     predictor = OnnxScenePredictor(out / SCENE_LOCAL_FILE, out / SCENE_FILE)
-    scores = score_scene(predictor, data, data.motors_of(leave_out))
+    scores = score_scene(predictor, *held_out)
     write_metrics(out, "scene", scores, recipe.describe())
     return scores
+
+
+def _held_out(
+    data: Reman18, leave_out: str | None, test: Reman18 | None
+) -> tuple[Reman18, tuple[str, ...]] | None:
+    """What to score on: a data set and its motors."""
+    if test is not None:
+        return test, test.motors
+    return None if leave_out is None else (data, data.motors_of(leave_out))
 
 
 def rescore_models(data: Reman18, folder: Path) -> Iterator[tuple[str, str, SegmentationScores]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from boltpose.segmentation.scene_features import (
 )
 from boltpose.training.local_evidence import (
     LocalEvidenceConfig,
+    cross_fitting_folds,
     join_rows,
     load_or_fit_local_evidence,
     predict_local_evidence,
@@ -49,6 +50,8 @@ class SceneConfig:
     tilt_rad: float = 0.05
     """Sigma of the tilt of the plate: it is not found exactly."""
     scale_range: tuple[float, float] = (0.9, 1.1)
+    folds: int = 6
+    """Groups of families in the cross-fitting of stage one: each of reman18's six by itself."""
     crop_probability: float = 0.2
     """How often a side of the scene is cut away."""
     local_weight: float = 0.0
@@ -59,7 +62,7 @@ class SceneConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("sub_cloud", "batch"):
+        for name in ("folds", "sub_cloud", "batch"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
         low, high = self.scale_range
@@ -69,6 +72,17 @@ class SceneConfig:
             raise ValueError(f"crop_probability must be in [0, 1], got {self.crop_probability}")
         if not 0 <= self.local_weight < 1:
             raise ValueError(f"local_weight must be in [0, 1), got {self.local_weight}")
+
+    @classmethod
+    def for_many_motors(cls) -> SceneConfig:
+        """Recipe for hundreds of views: the same networks, trained longer."""
+        base = cls()
+        return replace(
+            base,
+            folds=3,
+            local=replace(base.local, fit=replace(base.local.fit, steps=2500)),
+            fit=replace(base.fit, steps=1500),
+        )
 
     def describe(self) -> dict[str, object]:
         """The recipe as JSON-ready values, for model cards and metrics."""
@@ -121,6 +135,7 @@ def train_scene(
     cache: Path,
     config: SceneConfig | None = None,
     *,
+    workers: int = 1,
     on_progress: Callable[[str, int, int, float], None] = lambda what, step, steps, loss: None,
 ) -> SceneNetworks:
     """Train both stages on all families but one; interrupted runs go on where they stopped.
@@ -130,6 +145,7 @@ def train_scene(
         leave_out: Family no part of the training may see; None for the shipped networks.
         cache: Folder for features, stage-one networks and checkpoints.
         config: The recipe.
+        workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
     Returns:
@@ -141,7 +157,14 @@ def train_scene(
     recipe = config or SceneConfig()
     if leave_out is not None:
         data.motors_of(leave_out)
-    clouds = load_scene_clouds(data, cache / "scene_clouds")
+    views = sum(data.view_count(motor) for motor in data.motors)
+    done = iter(range(views))
+    clouds = load_scene_clouds(
+        data,
+        cache / "scene_clouds",
+        on_view=lambda: on_progress("features", next(done), views, 0.0),
+        workers=workers,
+    )
     classes = [(cloud.motor_share > 0.5).astype(np.int64) for cloud in clouds]
     rows = join_rows(
         (cloud.family, cloud.described.features[:, LOCAL_COLUMNS], labels)
@@ -160,12 +183,17 @@ def train_scene(
         )
 
     outer = set() if leave_out is None else {leave_out}
+    fold_of = {
+        family: set(fold)
+        for fold in cross_fitting_folds({cloud.family for cloud in clouds} - outer, recipe.folds)
+        for family in fold
+    }
     pool: Pool = []
     for cloud, labels in zip(clouds, classes, strict=True):
         if cloud.family in outer:
             continue
         features = cloud.described.features[:, LOCAL_COLUMNS]
-        motor = predict_local_evidence(local(outer | {cloud.family}), features)[:, 1]
+        motor = predict_local_evidence(local(outer | fold_of[cloud.family]), features)[:, 1]
         pool.append((assemble_scene_inputs(cloud.described, motor), labels))
     context = fit_scene(
         pool,

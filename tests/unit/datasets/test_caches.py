@@ -50,7 +50,8 @@ def test_clouds_come_back_from_disk_as_they_were_made(
         np.testing.assert_array_equal(one.labels, other.labels)
         np.testing.assert_allclose(one.points, other.points, atol=1e-4)
         assert one.features.shape == (len(one.labels), FEATURE_WIDTH)
-    assert len(made[1].labels) < len(made[0].labels)
+    clouds = tuple(made)
+    assert len(clouds[1].labels) < len(clouds[0].labels)
     with pytest.raises(AssertionError, match="made again"):
         load_part_clouds(_Toys(root=tmp_path), tmp_path / "cache", config=config, seed=1)
 
