@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.errors import MissingExtraError
+from boltpose.errors import ConfigError, MissingExtraError
 
 DataOption = Annotated[
     Path, typer.Option("--data", metavar="DIR", help="The data set, a folder like reman18.")
@@ -27,6 +27,24 @@ OutOption = Annotated[
 CacheOption = Annotated[
     Path, typer.Option("--cache", metavar="DIR", help="Features and checkpoints; runs resume.")
 ]
+TestOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--test",
+        metavar="DIR",
+        help="Train on all of --data and score on this data set; the networks go to a folder "
+        "zero_shot in --out.",
+    ),
+]
+RecipeOption = Annotated[
+    str,
+    typer.Option(
+        "--recipe", metavar="few|many", help="`many` is for hundreds of synthetic motors."
+    ),
+]
+WorkersOption = Annotated[
+    int, typer.Option("--workers", min=1, metavar="N", help="Processes that compute features.")
+]
 
 _DATA = Path("data/reman18")
 _OUT = Path("data/models/leave_family_out")
@@ -38,9 +56,12 @@ def train_parts(
     leave_out: LeaveOutOption = "none",
     out: OutOption = _OUT,
     cache: CacheOption = _CACHE,
+    test: TestOption = None,
+    recipe: RecipeOption = "few",
+    workers: WorkersOption = 1,
 ) -> None:
     """Train the networks that tell the parts of a full scan."""
-    _train("parts", data, leave_out, out, cache)
+    _train("parts", data, leave_out, out, cache, _more(test, recipe, workers))
 
 
 def train_scene(
@@ -48,12 +69,25 @@ def train_scene(
     leave_out: LeaveOutOption = "none",
     out: OutOption = _OUT,
     cache: CacheOption = _CACHE,
+    test: TestOption = None,
+    recipe: RecipeOption = "few",
+    workers: WorkersOption = 1,
 ) -> None:
     """Train the network that tells the motor from its surroundings in a view."""
-    _train("scene", data, leave_out, out, cache)
+    _train("scene", data, leave_out, out, cache, _more(test, recipe, workers))
 
 
-def _train(network: str, data: Path, leave_out: str, out: Path, cache: Path) -> None:
+def _more(test: Path | None, recipe: str, workers: int) -> list[str]:
+    """Options that both networks share, as `python -m boltpose.training` takes them."""
+    if recipe not in ("few", "many"):
+        raise ConfigError(f"--recipe must be few or many, got {recipe}")
+    options = ["--recipe", recipe, "--workers", str(workers)]
+    return options if test is None else [*options, "--test", str(test)]
+
+
+def _train(
+    network: str, data: Path, leave_out: str, out: Path, cache: Path, more: list[str]
+) -> None:
     try:
         from boltpose.training.__main__ import main as run_training
     except ModuleNotFoundError as error:
@@ -62,6 +96,6 @@ def _train(network: str, data: Path, leave_out: str, out: Path, cache: Path) -> 
         raise MissingExtraError(str(error.name), "train") from error
     places = {"--data": data, "--out": out, "--cache": cache}
     options = [str(part) for pair in places.items() for part in pair]
-    code = run_training([network, "--leave-out", leave_out, *options])
+    code = run_training([network, "--leave-out", leave_out, *options, *more])
     if code:
         raise typer.Exit(code)

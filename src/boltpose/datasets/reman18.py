@@ -72,6 +72,9 @@ class Reman18:
         if "binary_little_endian" not in header or "uchar label" not in header:
             raise InputFileError(path, header[:80], "binary little endian x, y, z, label")
         row = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("label", "u1")])
+        if (len(data) - end) % row.itemsize or "property double" in header:
+            found = f"{len(data) - end} bytes of points"
+            raise InputFileError(path, found, f"float x, y, z and uchar label: {row.itemsize} each")
         table = np.frombuffer(data[end:], row)
         points = np.stack([table["x"], table["y"], table["z"]], axis=1).astype(np.float64)
         return LabelledCloud(points=points, labels=table["label"].astype(np.uint8))

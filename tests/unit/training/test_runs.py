@@ -1,16 +1,21 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from boltpose.datasets.reman18 import Reman18
+from boltpose.io.labelled import write_ply
 from boltpose.segmentation.predictor import PartProbabilities
 from boltpose.training.__main__ import main
-from boltpose.training.runs import score_parts, score_scene, write_metrics
+from boltpose.training.local_evidence import cross_fitting_folds
+from boltpose.training.parts import PartsConfig
+from boltpose.training.runs import score_parts, score_scene, train_part_models, write_metrics
 from boltpose.training.scores import SegmentationScores
+from tests.support.toy_motor import toy_motor
 
 DATA = Reman18(root=Path(__file__).parents[3] / "data" / "reman18")
 
@@ -65,3 +70,53 @@ def test_an_unknown_family_is_one_line_and_exit_code_2(
     assert "family must be one of" in capsys.readouterr().err
     assert main(["scene", "--data", str(tmp_path)]) == 2
     assert "a reman18 folder" in capsys.readouterr().err
+
+
+def _toys(root: Path, seeds: range, family: str) -> Reman18:
+    """Toy motors on disk, in the layout of reman18."""
+    for seed in seeds:
+        toy = toy_motor(seed=seed, density=0.3)
+        folder = root / f"motor_{family}_{seed}"
+        folder.mkdir(parents=True)
+        write_ply(folder / "prior.ply", toy.points.astype(np.float32), labels=toy.labels)
+        (folder / "prior_gt.json").write_text(json.dumps({"family_name": family}))
+    return Reman18(root=root)
+
+
+def test_a_network_trained_on_one_data_set_is_scored_on_all_of_another(tmp_path: Path) -> None:
+    _toys(tmp_path / "train", range(2), "one")
+    data = _toys(tmp_path / "train", range(2, 4), "two")
+    test = _toys(tmp_path / "test", range(7, 8), "three")
+    recipe = PartsConfig.for_many_motors()
+    recipe = replace(
+        recipe,
+        pool=1024,
+        sub_cloud=256,
+        local=replace(recipe.local, fit=replace(recipe.local.fit, steps=150)),
+        fit=replace(recipe.fit, steps=60),
+    )
+
+    scores = train_part_models(data, None, tmp_path / "cache", tmp_path / "out", recipe, test=test)
+
+    assert scores is not None
+    assert scores.points == len(test.full_scan("motor_three_7").labels)
+    assert scores.overall_accuracy > 0.8
+    written = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert written["parts"]["held_out"] == scores.to_json()
+
+
+def test_test_set_and_left_out_family_exclude_each_other(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = ["parts", "--data", str(DATA.root), "--test", str(DATA.root)]
+    assert main([*arguments, "--leave-out", "planetary_closed"]) == 2
+    assert "exclude each other" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("count", "folds"), [(6, 6), (14, 3), (2, 3), (1, 1)])
+def test_folds_hold_every_family_once(count: int, folds: int) -> None:
+    families = [f"family_{number}" for number in range(count)]
+    dealt = cross_fitting_folds(reversed(families), folds)
+    assert sorted(name for fold in dealt for name in fold) == sorted(families)
+    assert len(dealt) == min(count, folds)
+    assert max(map(len, dealt)) - min(map(len, dealt)) <= 1
