@@ -14,10 +14,14 @@ DEMO_OUTPUT ?= demo_output
 export PIP_PROGRESS_BAR := off
 export MPLBACKEND := Agg
 
-.PHONY: help setup fmt check test test-all demo evaluate bench docs clean
+# Blender as a Python module: its wheels are made for one Python, and for the numpy that it ships
+BLENDER_VENV := .venv-blender
+BLENDER_PYTHON ?= python3.11
+
+.PHONY: help setup fmt check test test-all test-blender demo evaluate bench docs clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
 
 setup: $(VENV)/.dev.stamp ## create .venv with everything development needs
 
@@ -37,6 +41,9 @@ test: $(VENV)/.dev.stamp ## run the tests (set-up included)
 
 test-all: $(VENV)/.dev.stamp ## run the tests, the slow ones too
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+
+test-blender: $(BLENDER_VENV)/.stamp ## test the Blender add-on in headless Blender (800 MB the first time)
+	@OMP_NUM_THREADS=1 $(BLENDER_VENV)/bin/python -m tests.blender.run
 
 demo: $(VENV)/.core.stamp ## build the shipped motor's prior and locate its bolts in the shipped scan
 	@$(BIN)/boltpose demo -o $(DEMO_OUTPUT)
@@ -72,4 +79,16 @@ $(VENV)/.core.stamp: pyproject.toml
 $(VENV)/.dev.stamp: pyproject.toml | $(VENV)/.core.stamp
 	@echo "installing the development tools into $(VENV)"
 	@$(PIP) -e ".[dev,train,synth]"
+	@touch $@
+
+# without boltpose's own dependencies: they want numpy 2, Blender 4.5 has numpy 1.26
+$(BLENDER_VENV)/.stamp: tests/blender/requirements.txt
+	@"$(BLENDER_PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || \
+	  { echo "Blender 4.5 needs Python 3.11; set BLENDER_PYTHON=/path/to/python3.11" >&2; exit 1; }
+	@if [ ! -x $(BLENDER_VENV)/bin/python ]; then \
+	  echo "creating $(BLENDER_VENV)"; "$(BLENDER_PYTHON)" -m venv $(BLENDER_VENV); fi
+	@echo "installing Blender as a Python module into $(BLENDER_VENV)"
+	@$(BLENDER_VENV)/bin/python -m pip --disable-pip-version-check install --quiet \
+	  -r tests/blender/requirements.txt
+	@$(BLENDER_VENV)/bin/python -m pip --disable-pip-version-check install --quiet --no-deps -e .
 	@touch $@
