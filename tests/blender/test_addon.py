@@ -8,11 +8,11 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
+from boltpose.factory.families import FAMILIES
 
 import boltpose.blender
 from boltpose.blender import scene_objects as keys
 from boltpose.blender.panel import PanelValues, model_of
-from boltpose.factory.families import FAMILIES
 from boltpose.factory.model import MotorModel
 from boltpose.factory.spec import MotorSpec
 from boltpose.schema import Part
@@ -152,7 +152,9 @@ def test_other_settings_give_another_mesh_and_the_same_ones_the_same(addon: None
     names = set(parts_of(first)) & set(parts_of(other))
     assert any(
         vertices_mm(parts_of(first)[name]).shape != vertices_mm(parts_of(other)[name]).shape
-        or not np.array_equal(vertices_mm(parts_of(first)[name]), vertices_mm(parts_of(other)[name]))
+        or not np.array_equal(
+            vertices_mm(parts_of(first)[name]), vertices_mm(parts_of(other)[name])
+        )
         for name in names
     )
     assert again.name == f"{first.name}.001"

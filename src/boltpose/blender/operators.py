@@ -53,7 +53,7 @@ class ExportStarterMotor(bpy.types.Operator):
     bl_label = "Export Starter Motor"
     bl_options = {"REGISTER"}  # noqa: RUF012 - Blender wants a plain set on the class
 
-    __annotations__ = {  # noqa: RUF012 - how Blender learns an operator's properties
+    __annotations__ = {
         "directory": bpy.props.StringProperty(
             name="Folder", description="Where the files go", subtype="DIR_PATH"
         )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ SIDE_KEY = "boltpose_side"
 ACROSS_KEY = "boltpose_across_mm"
 DIAMETER_KEY = "boltpose_head_diameter_mm"
 HEIGHT_KEY = "boltpose_head_height_mm"
+ORDER_KEY = "boltpose_order"
+"""Blender sorts objects by name; this is their order in the model."""
 
 _SMOOTH_BELOW_RAD = math.radians(30)
 
@@ -88,6 +91,8 @@ def _add_motor(context: Any, model: MotorModel, made: list[Any]) -> Any:
         empty[DIAMETER_KEY] = bolt.head_diameter_mm
         empty[HEIGHT_KEY] = bolt.head_height_mm
         empty[BOLT_SPEC_KEY] = bolt.spec.model_dump_json()
+    for order, item in enumerate(made[1:]):
+        item[ORDER_KEY] = order
     for other in context.view_layer.objects:
         other.select_set(other is motor)
     context.view_layer.objects.active = motor
@@ -183,12 +188,15 @@ def model_from(context: Any, motor: Any) -> MotorModel:
     motor_from_world = np.linalg.inv(np.array(motor.matrix_world, dtype=np.float64))
     parts: list[SolidPart] = []
     bolts: list[TrueBolt] = []
-    for child in _family_of(motor):
+    taken: set[str] = set()
+    for child in sorted(_family_of(motor), key=lambda item: int(item.get(ORDER_KEY, 0))):
         local = motor_from_world @ np.array(child.matrix_world, dtype=np.float64)
         if child.type == "MESH" and CLASS_KEY in child:
-            parts.append(_solid_from(child, local, graph, scale))
+            solid = _solid_from(child, local, graph, scale)
+            parts.append(replace(solid, name=_free_name(solid.name, taken)))
         elif BOLT_SPEC_KEY in child:
-            bolts.append(_bolt_from(child, local, scale))
+            bolt = _bolt_from(child, local, scale)
+            bolts.append(replace(bolt, id=_free_name(bolt.id, taken)))
     if not parts:
         raise ConfigError(f"'{motor.name}' has no parts with a class any more")
     return MotorModel(
@@ -199,10 +207,19 @@ def model_from(context: Any, motor: Any) -> MotorModel:
 
 
 def _family_of(motor: Any) -> Iterator[Any]:
-    """Children and their children, in the order they were made."""
+    """Children and their children."""
     for child in motor.children:
         yield child
         yield from _family_of(child)
+
+
+def _free_name(name: str, taken: set[str]) -> str:
+    """The name, or one with a number: objects that a person duplicated keep their names."""
+    free, number = name, 2
+    while free in taken:
+        free, number = f"{name}_{number}", number + 1
+    taken.add(free)
+    return free
 
 
 def _solid_from(item: Any, motor_from_item: FloatArray, graph: Any, scale: float) -> SolidPart:
@@ -224,7 +241,7 @@ def _solid_from(item: Any, motor_from_item: FloatArray, graph: Any, scale: float
         part=Part(int(item[CLASS_KEY])),
         material=Material(str(item[MATERIAL_KEY])),
         vertices=(points + motor_from_item[:3, 3]) / scale,
-        faces=triangles,
+        faces=triangles.astype(np.int64),
         bolt_id=str(item[BOLT_ID_KEY]) if BOLT_ID_KEY in item else None,
     )
 

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,8 @@ except ImportError as error:  # pragma: no cover
     raise MissingExtraError("embreex", "synth") from error
 
 ColorBy = Literal["material", "part"]
+_Scene: TypeAlias = Any
+"""An `EmbreeScene`; embreex has no types."""
 
 _OFFSET_MM = 0.02
 """Secondary rays start this far off the surface; rays are float32."""
@@ -188,7 +190,7 @@ def _primary_rays(config: RenderConfig, frame_from_camera: Transform) -> FloatAr
     return frame_from_camera.rotate(directions)
 
 
-def _cast(scene: EmbreeScene, rays: FloatArray, origin: FloatArray) -> _Hits:
+def _cast(scene: _Scene, rays: FloatArray, origin: FloatArray) -> _Hits:
     """Meet the solids with rays from one point."""
     origins = np.broadcast_to(origin.astype(np.float32), rays.shape).copy()
     answer = scene.run(origins, rays.astype(np.float32), output=True)
@@ -206,7 +208,7 @@ def _cast(scene: EmbreeScene, rays: FloatArray, origin: FloatArray) -> _Hits:
 
 
 def _shade(
-    scene: EmbreeScene,
+    scene: _Scene,
     solids: Sequence[SolidPart],
     config: RenderConfig,
     pose: Transform,
@@ -257,14 +259,14 @@ def _looks(
     )
 
 
-def _occluded(scene: EmbreeScene, points: FloatArray, towards: FloatArray) -> BoolArray:
+def _occluded(scene: _Scene, points: FloatArray, towards: FloatArray) -> BoolArray:
     """Whether anything stands between points (K, 3) and a far light."""
     directions = np.broadcast_to(towards, points.shape).astype(np.float32).copy()
     return np.asarray(scene.run(points.astype(np.float32), directions, query="OCCLUDED")) >= 0
 
 
 def _open_sky(
-    scene: EmbreeScene, config: RenderConfig, points: FloatArray, normals: FloatArray
+    scene: _Scene, config: RenderConfig, points: FloatArray, normals: FloatArray
 ) -> FloatArray:
     """Share (K,) of the directions off the surface that are free within reach."""
     count = len(points)
@@ -348,12 +350,13 @@ def _main() -> None:
         spec = sample_motor(np.random.default_rng(0), what)
     parts = build_motor(spec).parts
     size = (700, 560)
+    rows: tuple[tuple[ColorBy, tuple[tuple[float, float, float], ...]], ...] = (
+        ("material", ((-1.2, 0.5, 1.0), (-1.2, 0.5, -1.0))),
+        ("part", ((1.2, 0.2, 0.8), (1.2, -0.6, -0.5))),
+    )
     views = [
         [render_solids(parts, direction=side, size_px=size, color_by=color) for side in sides]
-        for color, sides in (
-            ("material", ((-1.2, 0.5, 1.0), (-1.2, 0.5, -1.0))),
-            ("part", ((1.2, 0.2, 0.8), (1.2, -0.6, -0.5))),
-        )
+        for color, sides in rows
     ]
     Image.fromarray(np.vstack([np.hstack(row) for row in views])).save(target)
 
