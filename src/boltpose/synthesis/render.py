@@ -10,30 +10,23 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from boltpose.arrays import BoolArray, FloatArray, IntArray, UInt8Array
-from boltpose.errors import ConfigError, MissingExtraError
+from boltpose.arrays import BoolArray, FloatArray, UInt8Array
+from boltpose.errors import ConfigError
 from boltpose.factory.looks import LOOKS, PART_COLORS
 from boltpose.factory.model import SolidPart, bounds_mm
 from boltpose.geometry.transforms import Transform
-
-try:
-    from embreex.mesh_construction import TriangleMesh
-    from embreex.rtcore_scene import EmbreeScene
-except ImportError as error:  # pragma: no cover
-    raise MissingExtraError("embreex", "synth") from error
+from boltpose.sensor.raycast import Hits, RayCaster
 
 ColorBy = Literal["material", "part"]
-_Scene: TypeAlias = Any
-"""An `EmbreeScene`; embreex has no types."""
 
-_OFFSET_MM = 0.02
-"""Secondary rays start this far off the surface; rays are float32."""
+_LAMP_MM = 3000.0
+"""How far the lights are: further than anything drawn."""
 _CREASE_COS = 0.6
 """Neighbouring normals further apart than 53 deg are drawn as an edge."""
 _KEY_LIGHT = (-0.5, -0.75, -0.9)
@@ -69,18 +62,6 @@ class RenderConfig:
             raise ConfigError(f"supersampling must be 1 to 8, got {self.supersampling}")
         if self.ambient_rays < 0:
             raise ConfigError(f"ambient_rays must be >= 0, got {self.ambient_rays}")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Hits:
-    """What the primary rays met; rows are the rays that met anything."""
-
-    is_hit: BoolArray
-    """Shape (R,)."""
-    distance_mm: FloatArray
-    solid: IntArray
-    normal: FloatArray
-    """Shape (K, 3), unit, towards the camera."""
 
 
 def look_at(
@@ -164,12 +145,10 @@ def render_solids(
         background=base.background,
     )
     pose = frame_from_camera or look_at(solids, direction, up=up, config=settings)
-    scene = EmbreeScene()
-    for solid in solids:
-        TriangleMesh(scene, solid.vertices.astype(np.float32), solid.faces.astype(np.int32))
+    caster = RayCaster(solids)
     rays = _primary_rays(settings, pose)
-    hits = _cast(scene, rays, pose.translation_mm)
-    light = _shade(scene, solids, settings, pose, rays, hits)
+    hits = caster.first_hits(pose.translation_mm[None], rays)
+    light = _shade(caster, settings, pose, rays, hits)
     return _develop(settings, hits, light)
 
 
@@ -190,55 +169,35 @@ def _primary_rays(config: RenderConfig, frame_from_camera: Transform) -> FloatAr
     return frame_from_camera.rotate(directions)
 
 
-def _cast(scene: _Scene, rays: FloatArray, origin: FloatArray) -> _Hits:
-    """Meet the solids with rays from one point."""
-    origins = np.broadcast_to(origin.astype(np.float32), rays.shape).copy()
-    answer = scene.run(origins, rays.astype(np.float32), output=True)
-    is_hit = np.asarray(answer["geomID"]) >= 0
-    normals = np.asarray(answer["Ng"], dtype=np.float64)[is_hit]
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    away = np.sum(normals * rays[is_hit], axis=1) > 0
-    normals[away] *= -1
-    return _Hits(
-        is_hit,
-        np.asarray(answer["tfar"], dtype=np.float64)[is_hit],
-        np.asarray(answer["geomID"], dtype=np.int64)[is_hit],
-        normals,
-    )
-
-
 def _shade(
-    scene: _Scene,
-    solids: Sequence[SolidPart],
-    config: RenderConfig,
-    pose: Transform,
-    rays: FloatArray,
-    hits: _Hits,
+    caster: RayCaster, config: RenderConfig, pose: Transform, rays: FloatArray, hits: Hits
 ) -> FloatArray:
     """Linear RGB of every hit, shape (K, 3)."""
     towards_camera = -rays[hits.is_hit]
-    points = pose.translation_mm - towards_camera * hits.distance_mm[:, None]
-    points = points + _OFFSET_MM * hits.normal
-    color, metallic, roughness = _looks(solids, config.color_by)
-    albedo = color[hits.solid]
-    metal = metallic[hits.solid][:, None]
-    shininess = 4 + 120 * (1 - roughness[hits.solid][:, None]) ** 2
-    open_sky = _open_sky(scene, config, points, hits.normal)[:, None]
+    points, solid = hits.points[hits.is_hit], hits.solid_index[hits.is_hit]
+    normals = hits.normals[hits.is_hit]
+    inside = np.sum(normals * towards_camera, axis=1) < 0
+    normals[inside] *= -1  # the camera is inside a solid
+    color, metallic, roughness = _looks(caster.solids, config.color_by)
+    albedo = color[solid]
+    metal, matt = metallic[solid][:, None], roughness[solid][:, None]
     # metals show what is around them: a bright sky above a dark floor
-    mirrored = rays[hits.is_hit] @ pose.rotation
-    facing = hits.normal @ pose.rotation
+    facing = normals @ pose.rotation
+    mirrored = -towards_camera @ pose.rotation
     mirrored = mirrored - 2 * np.sum(mirrored * facing, axis=1, keepdims=True) * facing
-    sharpness = 1.5 + 6 * (1 - roughness[hits.solid][:, None])
-    sky = 1 / (1 + np.exp(sharpness * (mirrored[:, 1:2] - 0.05 - 0.35 * mirrored[:, 2:3])))
-    light = albedo * open_sky * ((1 - metal) * 0.5 + metal * (0.2 + 0.75 * sky))
+    slope = (7.5 - 6 * matt) * (mirrored[:, 1:2] - 0.05 - 0.35 * mirrored[:, 2:3])
+    ambient = (1 - metal) * 0.5 + metal * (0.2 + 0.75 / (1 + np.exp(slope)))
+    light = albedo * ambient * _open_sky(caster, config, points, normals)[:, None]
+    shininess = 4 + 120 * (1 - matt) ** 2
     for lamp, strength, casts_shadow in ((_KEY_LIGHT, 0.8, True), (_FILL_LIGHT, 0.3, False)):
         towards = pose.rotate(np.array(lamp) / np.linalg.norm(lamp))
-        cosine = np.clip(hits.normal @ towards, 0, None)[:, None] * strength
+        cosine = np.clip(normals @ towards, 0, None)[:, None] * strength
         if casts_shadow:
-            cosine = cosine * (1 - 0.75 * _occluded(scene, points, towards)[:, None])
+            dark = caster.is_blocked(points + _LAMP_MM * towards, points)
+            cosine = cosine * (1 - 0.75 * dark[:, None])
         half = towards + towards_camera
         half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
-        glint = np.clip(np.sum(hits.normal * half, axis=1), 0, 1)[:, None] ** shininess
+        glint = np.clip(np.sum(normals * half, axis=1), 0, 1)[:, None] ** shininess
         tint = metal * albedo * 1.4 + (1 - metal) * 0.12
         light = light + cosine * (albedo * (1 - 0.35 * metal) + glint * tint)
     return light
@@ -259,22 +218,14 @@ def _looks(
     )
 
 
-def _occluded(scene: _Scene, points: FloatArray, towards: FloatArray) -> BoolArray:
-    """Whether anything stands between points (K, 3) and a far light."""
-    directions = np.broadcast_to(towards, points.shape).astype(np.float32).copy()
-    return np.asarray(scene.run(points.astype(np.float32), directions, query="OCCLUDED")) >= 0
-
-
 def _open_sky(
-    scene: _Scene, config: RenderConfig, points: FloatArray, normals: FloatArray
+    caster: RayCaster, config: RenderConfig, points: FloatArray, normals: FloatArray
 ) -> FloatArray:
-    """Share (K,) of the directions off the surface that are free within reach."""
+    """Share (K,) of the directions off the surface that are free; near obstacles count more."""
     count = len(points)
     free = np.ones(count)
-    if config.ambient_rays == 0 or count == 0:
-        return free
     rng = np.random.default_rng(0)
-    for _ in range(config.ambient_rays):
+    for _ in range(config.ambient_rays if count else 0):
         # a point on the unit sphere around the tip of the normal: cosine-weighted
         height = rng.uniform(-1, 1, count)
         turn = rng.uniform(0, 2 * math.pi, count)
@@ -282,25 +233,17 @@ def _open_sky(
         ball = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=1)
         directions = normals + 0.999 * ball
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        answer = scene.run(
-            points.astype(np.float32), directions.astype(np.float32), query="DISTANCE"
-        )
-        distance = np.asarray(answer, dtype=np.float64)
-        closeness = np.clip(1 - distance / config.ambient_reach_mm, 0, 1)
-        free -= closeness / config.ambient_rays
+        # an obstacle at distance d blocks with probability 1 - d / reach
+        reach = config.ambient_reach_mm * rng.uniform(0.01, 1, (count, 1))
+        free -= caster.is_blocked(points + reach * directions, points) / config.ambient_rays
     return free
 
 
-def _edges(hits: _Hits, grid: tuple[int, int]) -> BoolArray:
+def _edges(hits: Hits, grid: tuple[int, int]) -> BoolArray:
     """Sub-pixels (rows, columns) at an outline, a joint of two solids or a sharp crease."""
-    solid = np.full(grid[0] * grid[1], -1, dtype=np.int64)
-    solid[hits.is_hit] = hits.solid
-    normal = np.zeros((len(solid), 3))
-    normal[hits.is_hit] = hits.normal
-    depth = np.full(len(solid), np.inf)
-    depth[hits.is_hit] = hits.distance_mm
-    solid, depth = solid.reshape(grid), depth.reshape(grid)
-    normal = normal.reshape(*grid, 3)
+    solid = hits.solid_index.reshape(grid)
+    depth = hits.distance_mm.reshape(grid)
+    normal = hits.normals.reshape(*grid, 3)
     edge = np.zeros(grid, dtype=np.bool_)
     for here, there in (
         (np.s_[:, 1:], np.s_[:, :-1]),
@@ -318,7 +261,7 @@ def _edges(hits: _Hits, grid: tuple[int, int]) -> BoolArray:
     return edge
 
 
-def _develop(config: RenderConfig, hits: _Hits, light: FloatArray) -> UInt8Array:
+def _develop(config: RenderConfig, hits: Hits, light: FloatArray) -> UInt8Array:
     """Put lit rays on the background, draw edges, average sub-pixels, encode as sRGB."""
     width, height = config.size_px
     steps = config.supersampling
