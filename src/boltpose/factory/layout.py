@@ -19,6 +19,10 @@ FREE_SHAFT_MM = 6.0
 """How far the shaft stands out of a pinion that no front bearing holds."""
 SHAFT_INSET_MM = 1.5
 """How far the shaft's end stays behind the mouth of an open front bearing."""
+CAP_FALL = 0.5
+"""How much lower the rim of a domed or stepped cap is than its middle, in its lengths."""
+CAP_STEP = (0.6, 0.68)
+"""Radii, in those of the cap, between which a stepped cap falls."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,10 +97,8 @@ def lay_out(spec: MotorSpec) -> Layout:
     nose_tip = nose_front + (0.0 if nose.style == "stub" else nose.tip_boss_mm)
     gear = spec.gear
     pinion_front = flange_front + gear.gap_mm + gear.clutch_length_mm + gear.width_mm
-    if nose.style == "stub":
-        shaft_tip = pinion_front + FREE_SHAFT_MM
-    else:
-        shaft_tip = nose_tip - SHAFT_INSET_MM
+    is_free = nose.style == "stub"
+    shaft_tip = pinion_front + FREE_SHAFT_MM if is_free else nose_tip - SHAFT_INSET_MM
     solenoid = spec.solenoid
     can_rear = solenoid_rear = solenoid_front = pad_front = solenoid_cap_radius = 0.0
     if solenoid is not None:
@@ -129,3 +131,17 @@ def lay_out(spec: MotorSpec) -> Layout:
         rear_z=min(hub_rear, solenoid_rear),
         front_z=max(nose_tip, shaft_tip, pad_front),
     )
+
+
+def cap_back_z(spec: MotorSpec, layout: Layout, radius_mm: float) -> float:
+    """Height of the rear cap's back at a distance from the axis, without its hub."""
+    cap = spec.rear_cap
+    share = radius_mm / layout.cap_radius_mm
+    match cap.style:
+        case "flat" | "spider":
+            return layout.cap_rear_z
+        case "domed":
+            return layout.cap_rear_z + CAP_FALL * cap.length_mm * min(share, 1.0) ** 2
+        case "stepped":
+            fall = CAP_FALL * cap.length_mm * (share - CAP_STEP[0]) / (CAP_STEP[1] - CAP_STEP[0])
+            return layout.cap_rear_z + min(max(fall, 0.0), CAP_FALL * cap.length_mm)

@@ -34,6 +34,7 @@ class HousingSpec(SpecModel):
     """Where the name plate is; None for none."""
     name_plate_size_mm: tuple[float, float] = (45, 28)
     """Along the axis and around it."""
+    finish: Literal["painted_steel", "bare_steel", "zinc"] = "painted_steel"
 
 
 class RearCapSpec(SpecModel):
@@ -50,7 +51,12 @@ class RearCapSpec(SpecModel):
     hub_hollow: bool = False
     """True: an open bearing seat; False: a closed cup."""
     edge_mm: float = Field(default=2, ge=0, lt=8)
-    """Chamfer of the rim."""
+    """Rounding of the rim."""
+    ribs: int = Field(default=0, ge=0, le=16)
+    """Radial ribs on the back."""
+    openings: int = Field(default=4, ge=2, le=8)
+    """Between the arms of a `spider`."""
+    finish: Literal["cast_aluminium", "cast_iron", "painted_steel", "zinc"] = "cast_aluminium"
 
 
 class GearboxSpec(SpecModel):
@@ -58,7 +64,7 @@ class GearboxSpec(SpecModel):
 
     radius_mm: float = Field(default=39, gt=15, lt=95)
     length_mm: float = Field(default=24, gt=6, lt=80)
-    shaft_offset_mm: float = Field(default=0, ge=0, lt=45)
+    shaft_offset_mm: float = Field(default=0, ge=0, lt=100)
     """How far the pinion's shaft stands off the main axis: 0 for a planetary gear."""
     shaft_angle_deg: float = 90
     """Polar angle of that offset."""
@@ -66,6 +72,7 @@ class GearboxSpec(SpecModel):
     """Axial ribs around the ring."""
     flange_mm: float = Field(default=0, ge=0, lt=8)
     """How far a rim stands out at the joint to the bracket; 0 for none."""
+    finish: Literal["cast_aluminium", "cast_iron", "painted_steel", "zinc"] = "cast_aluminium"
 
 
 class EarSpec(SpecModel):
@@ -98,6 +105,8 @@ class NoseSpec(SpecModel):
     window_length_mm: float = Field(default=26, ge=0, lt=120)
     tip_boss_mm: float = Field(default=4, ge=0, lt=20)
     """Height of the front bearing's boss."""
+    bearing_open: bool = True
+    """True: the shaft's end shows in the boss; False: the boss is closed."""
 
 
 class BracketSpec(SpecModel):
@@ -124,6 +133,9 @@ class BracketSpec(SpecModel):
     """Thickness of a rib."""
     pockets: int = Field(default=0, ge=0, le=8)
     """Casting pockets in the front face."""
+    pilot_mm: float = Field(default=0, ge=0, lt=12)
+    """Height of the round register in front of the flange; 0 for none."""
+    finish: Literal["cast_aluminium", "cast_iron", "painted_steel"] = "cast_aluminium"
     nose: NoseSpec = NoseSpec()
 
 
@@ -150,6 +162,7 @@ class SolenoidSpec(SpecModel):
     """A cast bridge over the shift lever between solenoid pad and nose; class connector."""
     plunger_boot: bool = False
     """A rubber boot over the plunger in front of an open pad; class solenoid."""
+    finish: Literal["painted_steel", "bare_steel", "zinc"] = "painted_steel"
 
 
 class StudSpec(SpecModel):
@@ -212,6 +225,8 @@ class GearSpec(SpecModel):
     """From the flange's front to the clutch."""
     stop_ring: bool = True
     """A ring on the shaft in front of the pinion."""
+    turn_deg: float = 0
+    """Turn of the teeth about the shaft."""
 
 
 class MotorSpec(SpecModel):
@@ -225,7 +240,8 @@ class MotorSpec(SpecModel):
     gearbox: GearboxSpec | None = None
     bracket: BracketSpec = BracketSpec()
     solenoid: SolenoidSpec | None = SolenoidSpec()
-    """None: without a solenoid +y is where `bracket.nose.window_angle_deg` is not; see docs."""
+    """None: a motor without one. Its +y is the direction that all angles here call 90 degrees;
+    sampled motors have the window or open side of the nose in -y."""
     terminals: TerminalsSpec = TerminalsSpec()
     """Without a solenoid they sit on the rear cap, polar about the main axis."""
     gear: GearSpec = GearSpec()

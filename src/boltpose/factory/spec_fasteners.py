@@ -43,6 +43,9 @@ class Site(StrEnum):
     outside the yoke, head towards -z."""
     BRACKET_FRONT = "bracket_front"
     """On the front of the bracket's flange, around the nose, head towards +z."""
+    RIM_FRONT = "rim_front"
+    """On the front of the rim at the bracket's back, behind the mounting flange, head towards +z:
+    an ear may stand before it."""
     NOSE_FRONT = "nose_front"
     """On the front face of a closed nose, head towards +z."""
     SOLENOID_FRONT = "solenoid_front"
