@@ -44,9 +44,7 @@ def disturb(
     shape = (config.camera.height, config.camera.width)
     # streams of their own: a parameter of one effect leaves the draws of the others alone
     paint_rng, loss_rng, noise_rng, smooth_rng, edge_rng = rng.spawn(5)
-    surface = paint_surface(
-        solids, exposure.points, exposure.solid_index, config.finish, paint_rng
-    )
+    surface = paint_surface(solids, exposure.points, exposure.solid_index, config.finish, paint_rng)
     falloff = (np.float32(config.working_distance_mm) / exposure.lamp_distance_mm) ** 2
     matt, highlight = returned_light(
         surface, exposure.cos_lamp, exposure.cos_eye, exposure.cos_half, falloff
@@ -102,7 +100,7 @@ def _random_error(
 ) -> Float32Array:
     """Independent noise per pixel along the ray, before smoothing."""
     # more light than from white paper makes no better fringes: the exposure is set for it
-    light = np.clip(signal, np.float32(config.min_signal), np.float32(1))
+    light = np.clip(signal * np.float32(config.hdr_gain), np.float32(0.02), np.float32(1))
     shot, read = np.float32(config.noise_shot_share), np.float32(config.noise_read_share)
     variance = (1 - shot - read) + (shot + read / light) / light
     cos2 = np.maximum(exposure.cos_eye, np.float32(0.05)) ** 2
@@ -170,9 +168,7 @@ def _warp(shape: tuple[int, int], rng: np.random.Generator) -> Float32Array:
     return (bend / np.abs(bend).max()).astype(np.float32)
 
 
-def _contrast(
-    shape: tuple[int, int], exposure: Exposure, signal: Float32Array
-) -> Float32Array:
+def _contrast(shape: tuple[int, int], exposure: Exposure, signal: Float32Array) -> Float32Array:
     """Change of the logarithm of the signal along a row, per pixel, from both neighbours."""
     level = np.log(np.maximum(signal, np.float32(1e-3)))
     image = np.full(shape, np.nan, dtype=np.float32)

@@ -21,9 +21,7 @@ def binomial_noise_gain(strength: float) -> float:
     return float(np.sqrt((1 - strength * (1 - _CENTRE)) ** 2 + sides))
 
 
-def mix_edges(
-    image: FloatArray, edge_mm: float, share: float, rng: np.random.Generator
-) -> None:
+def mix_edges(image: FloatArray, edge_mm: float, share: float, rng: np.random.Generator) -> None:
     """Give some pixels at steps in depth a value between the two sides.
 
     Args:

@@ -32,9 +32,7 @@ def image_field(shape: tuple[int, int], length_px: float, rng: np.random.Generat
     return np.asarray(rows @ narrow.T, dtype=np.float32) / np.float32(_SPLINE_GAIN)
 
 
-def surface_field(
-    points: FloatArray, length_mm: float, rng: np.random.Generator
-) -> Float32Array:
+def surface_field(points: FloatArray, length_mm: float, rng: np.random.Generator) -> Float32Array:
     """A random blotchy function of place, of mean 0 and variance about 1.
 
     Sums of waves whose phases are bent by other waves: no grid, no repetition within a part, and

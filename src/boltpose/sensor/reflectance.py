@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from boltpose.arrays import Float32Array, FloatArray, IntArray
 from boltpose.factory.model import Material, SolidPart
@@ -115,8 +116,8 @@ def paint_surface(
     if finish.rust_share > 0:
         rusty = _column([float(row.rusts) for row in table])[solid_index]
         # the field is near normal: its upper share is rusty, with soft rims
-        level = np.quantile(field[:: max(1, len(field) // 20000)], 1 - finish.rust_share)
-        weight = rusty * np.clip((field - np.float32(level)) / np.float32(0.3) + 0.5, 0, 1)
+        level = np.float32(ndtri(1 - min(finish.rust_share, 0.999)))
+        weight = rusty * np.clip((field - level) / np.float32(0.3) + np.float32(0.5), 0, 1)
         rust = REFLECTANCES[Material.RUST]
         albedo += weight * (np.float32(rust.albedo) - albedo)
         mirror += weight * (np.float32(rust.mirror) - mirror)

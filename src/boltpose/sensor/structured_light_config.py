@@ -19,6 +19,14 @@ from boltpose.sensor.camera import Chip, PinholeCamera
 from boltpose.sensor.reflectance import Finish
 
 _MAY_BE_NEGATIVE = ("scale_error", "bias_mm")
+_POSITIVE = (
+    "working_distance_mm",
+    "ripple_period_mm",
+    "lumps_size_mm",
+    "dropout_patch_mm",
+    "min_signal",
+    "hdr_gain",
+)
 _SHARES = ("noise_shot_share", "noise_read_share", "mixed_share", "smoothing")
 
 
@@ -42,6 +50,9 @@ class StructuredLightConfig:
     """Part of that variance that grows like 1 / signal: photon noise [precision]."""
     noise_read_share: float = 0.3
     """Part that grows like 1 / signal squared: read noise and quantisation [precision]."""
+    hdr_gain: float = 6.0
+    """The longest exposure of the series is this times longer than the one that suits matt white:
+    surfaces down to a sixth of white are as quiet as white [specs, dynamic range]."""
     noise_incidence: float = 0.15
     """Sigma grows by this times the squared tangent of the angle of incidence: a pixel on a
     tilted surface spans a range of depths. Ours: doubles the noise at 69 degrees."""
@@ -111,7 +122,7 @@ class StructuredLightConfig:
                 raise ConfigError(f"{entry.name} must be >= 0, got {value}")
             if value > 1 and entry.name in _SHARES:
                 raise ConfigError(f"{entry.name} must be at most 1, got {value}")
-        for name in ("working_distance_mm", "ripple_period_mm", "lumps_size_mm", "min_signal"):
+        for name in _POSITIVE:
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
         if self.noise_shot_share + self.noise_read_share > 1:
@@ -161,6 +172,7 @@ def sample_structured_light(
         baseline_mm=float(rng.uniform(80, 180)),
         working_distance_mm=float(rng.uniform(600, 900)),
         noise_mm=around(default.noise_mm),
+        hdr_gain=float(rng.uniform(3, 12)),
         noise_incidence=around(default.noise_incidence),
         min_signal=around(default.min_signal, 1.8),
         saturation_signal=around(default.saturation_signal),
