@@ -1,0 +1,1 @@
+"""Clamps: devices that hold a motor on a bench, built around the motor they hold."""
