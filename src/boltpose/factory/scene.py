@@ -8,8 +8,10 @@ import numpy as np
 
 from boltpose.errors import ConfigError, DegenerateGeometryError
 from boltpose.factory.clamps.assembly import Assembly, ClampBody, InfeasibleError, turn_about_z
+from boltpose.factory.clamps.chucks import build_tilted_chuck, build_vertical_chuck
 from boltpose.factory.clamps.clutter import scatter_clutter
 from boltpose.factory.clamps.contact import BoxedBody, boxed, cut_nests, overlap_depth_mm
+from boltpose.factory.clamps.cradles import build_strap_cradle, build_tilted_cradle
 from boltpose.factory.clamps.plates import make_ground
 from boltpose.factory.clamps.v_blocks import build_v_blocks
 from boltpose.factory.clamps.vices import build_parallel_vice, build_prism_vice
@@ -33,6 +35,10 @@ _BUILDERS: dict[str, Callable[[Workpiece, np.random.Generator], Assembly]] = {
     "v_blocks": build_v_blocks,
     "parallel_vice": build_parallel_vice,
     "prism_vice": build_prism_vice,
+    "vertical_chuck": build_vertical_chuck,
+    "tilted_chuck": build_tilted_chuck,
+    "strap_cradle": build_strap_cradle,
+    "tilted_cradle": build_tilted_cradle,
 }
 
 CLAMPS: tuple[str, ...] = tuple(_BUILDERS)
