@@ -27,12 +27,15 @@ def image_field(shape: tuple[int, int], length_px: float, rng: np.random.Generat
         the number of threads.
     """
     rows, columns = _spline_weights(shape[0], length_px), _spline_weights(shape[1], length_px)
-    knots = rng.standard_normal((rows.shape[1], columns.shape[1]), dtype=np.float32)
+    sizes = (_knot_count(shape[0], length_px), _knot_count(shape[1], length_px))
+    knots = rng.standard_normal(sizes, dtype=np.float32)
     narrow = columns @ knots.T
     return np.asarray(rows @ narrow.T, dtype=np.float32) / np.float32(_SPLINE_GAIN)
 
 
-def surface_field(points: FloatArray, length_mm: float, rng: np.random.Generator) -> Float32Array:
+def surface_field(
+    points: FloatArray | Float32Array, length_mm: float, rng: np.random.Generator
+) -> Float32Array:
     """A random blotchy function of place, of mean 0 and variance about 1.
 
     Sums of waves whose phases are bent by other waves: no grid, no repetition within a part, and
@@ -53,12 +56,13 @@ def surface_field(points: FloatArray, length_mm: float, rng: np.random.Generator
         shift, turn = rng.uniform(0, 2 * math.pi, 2)
         bent = np.sin(_project(place, 0.7 * bend, turn))
         value += np.sin(_project(place, 1.4 * wave, shift) + np.float32(1.8) * bent)
-    return value * np.float32(math.sqrt(2 / _WAVES))
+    return (value * math.sqrt(2 / _WAVES)).astype(np.float32, copy=False)
 
 
 def _project(place: Float32Array, direction: FloatArray, shift: float) -> Float32Array:
     x, y, z = (np.float32(value) for value in direction)
-    return place[:, 0] * x + place[:, 1] * y + (place[:, 2] * z + np.float32(shift))
+    value = place[:, 0] * x + place[:, 1] * y + (place[:, 2] * z + np.float32(shift))
+    return value.astype(np.float32, copy=False)
 
 
 def _spline_weights(count: int, length_px: float) -> csr_array:
@@ -76,5 +80,9 @@ def _spline_weights(count: int, length_px: float) -> csr_array:
             knots.ravel(),
             np.arange(0, 4 * count + 1, 4),
         ),
-        shape=(count, int(first[-1]) + 4),
+        shape=(count, _knot_count(count, length_px)),
     )
+
+
+def _knot_count(count: int, length_px: float) -> int:
+    return int((count - 1) / max(length_px, 1.0)) + 4

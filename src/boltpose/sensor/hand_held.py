@@ -136,7 +136,8 @@ def _sweep_frames(count: int, rng: np.random.Generator) -> list[FloatArray]:
         second = np.cross(aimed, first)
         roll = rng.uniform(0, 2 * math.pi)
         line = math.cos(roll) * first + math.sin(roll) * second
-        frames.append(np.stack([line, np.cross(aimed, line), aimed], axis=1))
+        sweep = math.cos(roll) * second - math.sin(roll) * first
+        frames.append(np.stack([line, sweep, aimed], axis=1))
     return frames
 
 

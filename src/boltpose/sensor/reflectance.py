@@ -85,7 +85,7 @@ class Surface:
 
 def paint_surface(
     solids: Sequence[SolidPart],
-    points: FloatArray,
+    points: FloatArray | Float32Array,
     solid_index: IntArray,
     finish: Finish,
     rng: np.random.Generator,
