@@ -144,9 +144,7 @@ def _grip(work: Workpiece, rng: np.random.Generator) -> tuple[Transform, _Chuck,
         outward = points[:, 0] * math.cos(angle) + points[:, 1] * math.sin(angle)
         across = points[:, 1] * math.cos(angle) - points[:, 0] * math.sin(angle)
         mask = (np.abs(across) < 0.2 * wide) & (outward > 0) & (points[:, 2] < base + tall)
-        touches.append(
-            posed.support((math.cos(angle), math.sin(angle), 0), mask) - PRESS_MM
-        )
+        touches.append(posed.support((math.cos(angle), math.sin(angle), 0), mask) - PRESS_MM)
     if max(touches) - min(touches) > 2.5 or min(touches) < 9:
         raise InfeasibleError("jaws would touch at unlike radii")
     long = float(rng.uniform(36, 62))
@@ -174,19 +172,13 @@ def build_vertical_chuck(work: Workpiece, rng: np.random.Generator) -> Assembly:
     pieces = [piece.placed(up) for piece in _chuck_bodies(rng, chuck, touches)]
     if rng.random() < 0.7:
         flange = cylinder(chuck.radius_mm + float(rng.uniform(16, 28)), 0, 14)
-        pieces.append(
-            ClampBody(name="chuck_flange", body=flange, material=Material.CAST_IRON)
-        )
+        pieces.append(ClampBody(name="chuck_flange", body=flange, material=Material.CAST_IRON))
         screws = [
             hex_screw(10).translate((chuck.radius_mm + 8.5, 0, 14)).rotate((0, 0, 15 + 60 * k))
             for k in range(6)
         ]
-        pieces.append(
-            ClampBody(name="flange_screws", body=union(screws), material=Material.ZINC)
-        )
-    return Assembly(
-        bodies=tuple(pieces), table_from_motor=Transform("table", "table", up) @ pose
-    )
+        pieces.append(ClampBody(name="flange_screws", body=union(screws), material=Material.ZINC))
+    return Assembly(bodies=tuple(pieces), table_from_motor=Transform("table", "table", up) @ pose)
 
 
 def build_tilted_chuck(work: Workpiece, rng: np.random.Generator) -> Assembly:
@@ -222,16 +214,12 @@ def build_tilted_chuck(work: Workpiece, rng: np.random.Generator) -> Assembly:
         round_end = cylinder(0.8 * drum_radius, -cheek_thick / 2, cheek_thick / 2)
         foot = box((2.0 * drum_radius, cheek_thick, 14), (-0.3 * drum_radius, y, 7))
         cheek = hull([round_end.rotate((90, 0, 0)).translate((0, y, pivot)), foot])
-        bodies.append(
-            ClampBody(name=f"cheek_{index}", body=cheek, material=Material.PAINTED_STEEL)
-        )
+        bodies.append(ClampBody(name=f"cheek_{index}", body=cheek, material=Material.PAINTED_STEEL))
         ledge = y + sign * (cheek_thick / 2 + 9)
         bodies.append(
             ClampBody(
                 name=f"cheek_foot_{index}",
-                body=bevelled_box(
-                    (2.0 * drum_radius, 24, 13), 1, (-0.3 * drum_radius, ledge, 6.5)
-                ),
+                body=bevelled_box((2.0 * drum_radius, 24, 13), 1, (-0.3 * drum_radius, ledge, 6.5)),
                 material=Material.PAINTED_STEEL,
             )
         )
@@ -242,6 +230,4 @@ def build_tilted_chuck(work: Workpiece, rng: np.random.Generator) -> Assembly:
         lock = hex_screw(16).rotate((-90 * sign, 0, 0))
         heads.append(lock.translate((0, y + sign * cheek_thick / 2, pivot)))
     bodies.append(ClampBody(name="head_screws", body=union(heads), material=Material.ZINC))
-    return Assembly(
-        bodies=tuple(bodies), table_from_motor=Transform("table", "table", up) @ lying
-    )
+    return Assembly(bodies=tuple(bodies), table_from_motor=Transform("table", "table", up) @ lying)

@@ -17,6 +17,14 @@ FRAGMENT_SHARE = 0.15
 DEPTH_STEP_MM = 0.8
 """Spacing of the points at which the depth of an overlap is measured."""
 
+NEGLIGIBLE_MM3 = 1e-3
+"""An overlap smaller than a cube of 0.1 mm is rounding of the cut, not depth."""
+
+FIRST_REACH_MM = 1.0
+"""How far the nearest triangle is looked for first; most overlaps are shallower."""
+
+_CHUNK = 512
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class BoxedBody:
@@ -98,56 +106,76 @@ def overlap_depth_mm(first: Sequence[BoxedBody], second: Sequence[BoxedBody]) ->
     """How deep any solid of one group goes into any of the other.
 
     The depth is that of the deepest point of one surface inside the other solid, measured to the
-    nearest point of the other surface at points `DEPTH_STEP_MM` apart.
+    nearest point of the other surface at points `DEPTH_STEP_MM` apart. Overlaps of less than
+    `NEGLIGIBLE_MM3` count as touching.
     """
     deepest = 0.0
     for one in first:
         for other in second:
             if one.near(other):
                 overlap = one.body ^ other.body
-                if not overlap.is_empty():
+                if overlap.volume() > NEGLIGIBLE_MM3:
                     deepest = max(deepest, _depth_mm(overlap, one.body, other.body))
     return deepest
 
 
 def _depth_mm(overlap: Manifold, first: Manifold, second: Manifold) -> float:
     """Depth of one overlap."""
-    bounds = np.asarray(overlap.bounding_box())
-    if (bounds[3:] - bounds[:3]).min() < 1e-6:
-        return 0.0
     points, _ = mesh_arrays(overlap.refine_to_length(DEPTH_STEP_MM))
-    # deeper than the overlap is thick no point can be
-    limit = float((bounds[3:] - bounds[:3]).max())
-    return max(float(distance_to_surface(points, body, limit).max()) for body in (first, second))
+    return max(float(distance_to_surface(points, body).max()) for body in (first, second))
 
 
-def distance_to_surface(points: FloatArray, body: Manifold, limit_mm: float) -> FloatArray:
-    """Distance of points to the nearest triangle of a body, shape (N,), at most the limit."""
+def distance_to_surface(points: FloatArray, body: Manifold) -> FloatArray:
+    """Distance of points to the nearest triangle of a body.
+
+    Args:
+        points: Shape (N, 3), mm.
+        body: What the distance is to; its surface, so that points inside have a distance too.
+
+    Returns:
+        Shape (N,), mm.
+    """
     vertices, faces = mesh_arrays(body)
     corners = vertices[faces]
-    low, high = points.min(axis=0) - limit_mm, points.max(axis=0) + limit_mm
-    near = (corners.max(axis=1) >= low).all(axis=1) & (corners.min(axis=1) <= high).all(axis=1)
-    best = np.full(len(points), limit_mm**2)
-    for a, b, c in corners[near]:
-        np.minimum(best, _squared_distance(points, a, b, c), out=best)
-    return np.sqrt(best)
-
-
-def _squared_distance(
-    points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray
-) -> FloatArray:
-    """Squared distance of points to one triangle."""
-    normal = np.cross(b - a, c - a)
-    area2 = float(normal @ normal)
+    low, high = corners.min(axis=1), corners.max(axis=1)
     best = np.full(len(points), np.inf)
-    inside = np.full(len(points), area2 > 1e-18)
+    reach = FIRST_REACH_MM
+    open_points = np.arange(len(points))
+    while len(open_points):
+        some = points[open_points]
+        near = np.flatnonzero(
+            (low <= some.max(axis=0) + reach).all(axis=1)
+            & (high >= some.min(axis=0) - reach).all(axis=1)
+        )
+        squared = np.full(len(some), np.inf)
+        for start in range(0, len(near), _CHUNK):
+            chunk = near[start : start + _CHUNK]
+            pairs = (some[:, None] >= low[chunk] - reach).all(axis=2) & (
+                some[:, None] <= high[chunk] + reach
+            ).all(axis=2)
+            row, column = np.nonzero(pairs)
+            found = _squared_distance(some[row], corners[chunk[column]])
+            np.minimum.at(squared, row, found)
+        settled = squared <= reach**2
+        best[open_points[settled]] = np.sqrt(squared[settled])
+        open_points = open_points[~settled]
+        reach *= 4
+    return best
+
+
+def _squared_distance(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Squared distance of points, shape (K, 3), each to its own triangle, shape (K, 3, 3)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    normal = np.cross(b - a, c - a)
+    area2 = np.einsum("ij,ij->i", normal, normal)
+    best = np.full(len(points), np.inf)
+    inside = area2 > 1e-18
     for start, end in ((a, b), (b, c), (c, a)):
-        edge = end - start
-        offset = points - start
-        along = np.clip(offset @ edge / max(float(edge @ edge), 1e-18), 0, 1)
+        edge, offset = end - start, points - start
+        length2 = np.maximum(np.einsum("ij,ij->i", edge, edge), 1e-18)
+        along = np.clip(np.einsum("ij,ij->i", offset, edge) / length2, 0, 1)
         gap = offset - along[:, None] * edge
         best = np.minimum(best, np.einsum("ij,ij->i", gap, gap))
-        inside &= np.cross(edge, offset) @ normal >= 0
-    if area2 > 1e-18:
-        best = np.where(inside, ((points - a) @ normal) ** 2 / area2, best)
-    return best
+        inside &= np.einsum("ij,ij->i", np.cross(edge, offset), normal) >= 0
+    height = np.einsum("ij,ij->i", points - a, normal)
+    return np.where(inside, height**2 / np.maximum(area2, 1e-18), best)

@@ -69,9 +69,7 @@ def _strap(
     covered = set(posed.labels[mask].tolist())
     if covered & {Part.ELECTRICAL_CONNECTOR, Part.GEAR}:
         raise InfeasibleError("a strap would lie over terminals")
-    outline = np.concatenate(
-        [posed.points[mask][:, 1:], [(-half, low), (half, low), (0, low)]]
-    )
+    outline = np.concatenate([posed.points[mask][:, 1:], [(-half, low), (half, low), (0, low)]])
     core = CrossSection.hull_points(outline)
     band = core.offset(thick - PRESS_MM) - core.offset(-PRESS_MM)
     ring = band.extrude(wide).translate((0, 0, x_mm - wide / 2)).transform(_X_FROM_Z)
@@ -124,9 +122,7 @@ def _ratchet(
     outward = np.array([tangent[1], -tangent[0]])
     origin = corners[best] + tangent * lengths[best] * 0.5 + outward * 2.5
     size = min(float(rng.uniform(26, 44)), lengths[best] - 4)
-    frame = [
-        box((2.5, size, 16), (sign * (wide_mm / 2 + 2), 0, 7)) for sign in (-1, 1)
-    ]
+    frame = [box((2.5, size, 16), (sign * (wide_mm / 2 + 2), 0, 7)) for sign in (-1, 1)]
     axles = [
         cylinder(radius, -wide_mm / 2 - 5, wide_mm / 2 + 5).rotate((0, 90, 0)).translate((0, y, z))
         for radius, y, z in ((6, -size * 0.2, 7.5), (3, size * 0.36, 5))
@@ -151,9 +147,7 @@ def _cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     down = work.pick_bare_angle(rng, slabs, wrap + 4)
     pose = lay_down(rng, work, down, work.radius_mm + float(rng.uniform(8, 20)))
     sole = float(rng.uniform(10, 20))
-    pose = Transform.from_parts(
-        "table", "motor", pose.rotation, pose.translation_mm + (0, 0, sole)
-    )
+    pose = Transform.from_parts("table", "motor", pose.rotation, pose.translation_mm + (0, 0, sole))
     axis = float(pose.translation_mm[2])
     style = int(rng.integers(3))
     material = (Material.WOOD, Material.GREY_PLASTIC, Material.CAST_ALUMINIUM)[style]
@@ -241,7 +235,9 @@ def build_tilted_cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
         for box_ in boxes
         for corner in ((box_[3], 0, box_[2]), (x_high, 0, 0))
     )
-    lowest = min(lowest, work.posed(Transform("table", "table", tilt) @ level.table_from_motor).lowest())
+    lowest = min(
+        lowest, work.posed(Transform("table", "table", tilt) @ level.table_from_motor).lowest()
+    )
     lift = -lowest + float(rng.uniform(3, 20))
     tilt[2, 3] = lift
     moved = level.moved(Transform("table", "table", tilt))
