@@ -10,7 +10,18 @@ from typing import Annotated
 import typer
 
 from boltpose import __version__
-from boltpose.cli import demo, evaluate, locate, prior_build, prior_edit, prior_show, train
+from boltpose.cli import (
+    demo,
+    evaluate,
+    locate,
+    prior_build,
+    prior_edit,
+    prior_show,
+    synth,
+    synth_model,
+    synth_sets,
+    train,
+)
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.errors import BoltposeError
 
@@ -22,7 +33,9 @@ app = typer.Typer(
 )
 prior_app = typer.Typer(help="Build, look at and correct what is known of a motor beforehand.")
 train_app = typer.Typer(help="Train the networks (needs the `train` extra).")
+synth_app = typer.Typer(help="Synthetic motors and clamps, labelled (needs the `synth` extra).")
 app.add_typer(prior_app, name="prior")
+app.add_typer(synth_app, name="synth")
 app.add_typer(train_app, name="train")
 
 prior_app.command("build")(prior_build.build)
@@ -33,9 +46,18 @@ app.command("demo")(demo.run_demo)
 app.command("evaluate")(evaluate.evaluate)
 train_app.command("parts")(train.train_parts)
 train_app.command("scene")(train.train_scene)
+synth_app.command("motors")(synth.synth_motors)
+synth_app.command("scenes")(synth.synth_scenes)
+synth_app.command("model")(synth_model.synth_model)
+synth_app.command("spec")(synth_model.synth_spec)
+synth_app.command("families")(synth_model.synth_families)
+synth_app.command("preview")(synth_sets.synth_preview)
+synth_app.command("card")(synth_sets.synth_card)
+synth_app.command("compare")(synth_sets.synth_compare)
 
 
 @prior_app.callback(invoke_without_command=True)
+@synth_app.callback(invoke_without_command=True)
 @train_app.callback(invoke_without_command=True)
 def _show_help(context: typer.Context) -> None:
     if context.invoked_subcommand is None:

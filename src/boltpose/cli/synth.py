@@ -89,9 +89,9 @@ def synth_scenes(
     cluster: ClusterOption = None,
 ) -> None:
     """Make full scans and views of clamped motors, in the layout of reman18."""
-    from boltpose.factory.clamps import CLAMPS
     from boltpose.factory.families import FAMILIES
-    from boltpose.synthesis.sample import make_scene_sample
+    from boltpose.factory.scene import CLAMPS
+    from boltpose.synthesis.scene_sample import make_scene_sample
     from boltpose.synthesis.settings import DataSetSettings, Kind, choose_names, parse_size
 
     width, height = parse_size(size)

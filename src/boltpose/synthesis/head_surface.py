@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, IntArray
-from boltpose.factory.model import SolidPart, TrueBolt
+from boltpose.factory.model import MotorModel, SolidPart, TrueBolt
 from boltpose.sensor.raycast import RayCaster
 
 SURFACE_POINTS = 500
@@ -75,6 +75,12 @@ def seen_share(surface: FloatArray, measured: FloatArray) -> float:
         return 0.0
     distance, _ = KDTree(measured).query(surface, distance_upper_bound=SEEN_MM)
     return float(np.isfinite(distance).mean())
+
+
+def head_centroids(model: MotorModel) -> dict[str, FloatArray]:
+    """Centre of every head's outer surface, shape (3,), mm, frame `motor`, by bolt id."""
+    solids = {solid.bolt_id: solid for solid in model.parts if solid.bolt_id is not None}
+    return {bolt.id: sample_outer_head(bolt, solids[bolt.id]).mean(axis=0) for bolt in model.bolts}
 
 
 def _spread(triangles: FloatArray, count: int) -> tuple[FloatArray, IntArray]:

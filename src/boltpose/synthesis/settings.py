@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, fields
 from enum import StrEnum
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from boltpose.errors import ConfigError
 
 MAX_SIDE_PX = 4096
@@ -91,13 +93,11 @@ class DataSetSettings:
         if set(data) != known:
             raise ConfigError(f"settings must have the fields {sorted(known)}, got {sorted(data)}")
         try:
-            values = {
-                name: tuple(value) if isinstance(value, list) else value
-                for name, value in data.items()
-            }
-            return cls(**{**values, "kind": Kind(data["kind"])})
-        except (TypeError, ValueError) as error:
-            raise ConfigError(f"settings that cannot be read ({error})") from error
+            return TypeAdapter(cls).validate_python(data)
+        except ValidationError as error:
+            raise ConfigError(
+                f"settings that cannot be read ({error.errors()[0]['msg']})"
+            ) from error
 
 
 def choose_names(asked: str | None, known: tuple[str, ...], what: str) -> tuple[str, ...]:

@@ -1,0 +1,76 @@
+"""`boltpose synth model|spec|families`: one motor, written down by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.outputs import POSES_SUFFIXES, check_output
+from boltpose.errors import InputFileError
+
+
+def synth_model(
+    spec: Annotated[
+        Path, typer.Argument(metavar="SPEC.json", help="As `boltpose synth spec` writes it.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the model.")
+    ],
+) -> None:
+    """Build the motor of a specification: meshes, labels, bolt poses, and its prior."""
+    if output.exists() and not output.is_dir():
+        raise InputFileError(output, "a file", "a folder for the model")
+
+    from boltpose.synthesis.user_model import read_spec, write_model
+
+    chosen = read_spec(spec)
+    written = write_model(chosen, output)
+    notes = note_console()
+    for path in written.files:
+        notes.print(f"wrote {path}", soft_wrap=True)
+    answer_console().print(
+        f"'{chosen.name}': {written.bolt_count} bolts, {written.part_count} parts; "
+        f"locate it with --prior {written.prior}",
+        soft_wrap=True,
+    )
+
+
+def synth_spec(
+    family: Annotated[
+        str | None,
+        typer.Option("--family", metavar="NAME", help="See `boltpose synth families`."),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Another seed, another motor.")] = 0,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="By default it is printed."),
+    ] = None,
+) -> None:
+    """Write an example specification: change what differs on your bench."""
+    check_output(output, POSES_SUFFIXES)
+
+    from boltpose.synthesis.user_model import example_spec, write_spec
+
+    chosen = example_spec(family, seed)
+    if output is None:
+        typer.echo(chosen.model_dump_json(indent=1))
+        return
+    write_spec(output, chosen)
+    note_console().print(f"wrote {output}", soft_wrap=True)
+
+
+def synth_families() -> None:
+    """List the topologies of motors and the designs of clamps."""
+    from boltpose.factory.families import FAMILIES
+    from boltpose.factory.scene import CLAMPS
+
+    answer = answer_console()
+    answer.print("[bold]families[/]")
+    for name in FAMILIES:
+        answer.print(f"  {name}")
+    answer.print("[bold]clamps[/]")
+    for name in CLAMPS:
+        answer.print(f"  {name}")

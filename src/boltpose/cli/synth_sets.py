@@ -1,0 +1,40 @@
+"""`boltpose synth preview|card|compare`: what a data set holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from boltpose.cli.console import note_console
+
+DataArgument = Annotated[Path, typer.Argument(metavar="DIR", help="A data set.")]
+
+
+def synth_preview(data: DataArgument) -> None:
+    """Draw contact sheets of a data set into its folder `preview`."""
+    from boltpose.synthesis.preview import write_previews
+
+    for path in write_previews(data):
+        note_console().print(f"wrote {path}", soft_wrap=True)
+
+
+def synth_card(data: DataArgument) -> None:
+    """Write the data card, README.md, again from what is on disk."""
+    from boltpose.synthesis.card import write_card
+
+    note_console().print(f"wrote {write_card(data)}", soft_wrap=True)
+
+
+def synth_compare(
+    data: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Data sets in the layout of reman18.")
+    ],
+) -> None:
+    """Print the ranges of data sets side by side, as a Markdown table."""
+    from boltpose.synthesis.compare import compare_table
+    from boltpose.synthesis.statistics import read_statistics
+
+    read = [read_statistics(root) for root in data]
+    typer.echo(compare_table(read, [root.resolve().name for root in data]), nl=False)

@@ -1,0 +1,168 @@
+"""One view of a data set: the motor changed, clamped and looked at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from boltpose.errors import DegenerateGeometryError
+from boltpose.factory.changes import change_motor
+from boltpose.factory.model import MotorModel, SceneModel, TrueBolt
+from boltpose.factory.scene import place_motor
+from boltpose.factory.viewpoint import suggest_camera
+from boltpose.geometry.transforms import Transform
+from boltpose.schema import Part
+from boltpose.sensor.camera import PinholeCamera
+from boltpose.sensor.structured_light import CapturedView, capture_view
+from boltpose.sensor.structured_light_config import sample_structured_light
+from boltpose.synthesis.head_surface import sample_outer_head, seen_share
+from boltpose.synthesis.motors import ScannedMotor
+from boltpose.synthesis.retry import draw_until_built
+from boltpose.synthesis.seeds import Purpose, generator
+from boltpose.synthesis.settings import DataSetSettings
+from boltpose.synthesis.stopwatch import Stopwatch
+from boltpose.synthesis.truth import SeenBolt, ViewBolt, match_bolts
+from boltpose.synthesis.write import sample_name
+
+MIN_MOTOR_SHARE = 0.01
+"""Share of the image's pixels that must show the motor; fewer is an operator's mistake."""
+_FILLED_SHARE = (0.4, 0.9)
+"""How much of the image's width or height the motor takes up. Ours."""
+_FOCAL_RANGE = (0.8, 2.6)
+"""Focal lengths in image widths: of structured-light cameras from 0.9 (Zivid 2 M70) to 1.8 or so,
+and what is left of the image when only a region of interest is read out."""
+_BASE_REACH_MM = (500.0, 1000.0)
+_BASE_HEIGHT_MM = (-150.0, 250.0)
+_BASE_LEAN_RAD = 0.03
+"""A robot stands about upright, and about an arm's length from its table."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SampledView:
+    """A view and its truth."""
+
+    clamp_name: str
+    captured: CapturedView
+    camera_from_prior: Transform
+    base_from_camera: Transform
+    bolts: tuple[ViewBolt, ...]
+    retries: tuple[str, ...]
+
+
+def sample_view(
+    settings: DataSetSettings, motor: ScannedMotor, view: int, watch: Stopwatch
+) -> SampledView:
+    """Change a scanned motor, clamp it and look at it, each by chance.
+
+    Raises:
+        InfeasibleSampleError: Many draws in a row could not be built.
+    """
+    number = motor.number
+
+    def rng(purpose: Purpose, attempt: int) -> np.random.Generator:
+        return generator(settings.seed, number, purpose, view=view, attempt=attempt)
+
+    def draw(attempt: int) -> tuple[MotorModel, SceneModel, Transform, CapturedView]:
+        with watch.stage("change"):
+            changed = motor.model
+            if settings.with_changes:
+                changed = change_motor(motor.model, rng(Purpose.CHANGES, attempt))
+        with watch.stage("clamp"):
+            # a design that does not fit this motor makes room for the next one
+            clamp = settings.clamp_of(number, view + attempt)
+            scene = place_motor(changed, rng(Purpose.CLAMP, attempt), clamp)
+            table_from_camera = suggest_camera(scene, rng(Purpose.CAMERA, attempt))
+        with watch.stage("view"):
+            sensor_rng = rng(Purpose.SENSOR, attempt)
+            camera = _choose_camera(scene, table_from_camera, settings, sensor_rng)
+            config = sample_structured_light(sensor_rng, camera)
+            captured = capture_view(scene.solids, table_from_camera, config, sensor_rng)
+        share = float(np.mean(captured.labels != Part.BACKGROUND))
+        if share < MIN_MOTOR_SHARE:
+            raise DegenerateGeometryError(f"the motor is on {100 * share:.2f} % of the pixels")
+        return changed, scene, table_from_camera, captured
+
+    drawn = draw_until_built(f"{sample_name(number)} view {view}", draw)
+    changed, scene, table_from_camera, captured = drawn.result
+    camera_from_motor = table_from_camera.inverse() @ scene.table_from_motor
+    with watch.stage("truth"):
+        bolts = _look_at_bolts(motor.model, changed, scene, camera_from_motor, captured)
+    base_from_table = _place_robot(rng(Purpose.BASE, 0))
+    return SampledView(
+        clamp_name=scene.clamp_name,
+        captured=captured,
+        camera_from_prior=camera_from_motor @ motor.prior_from_motor.inverse(),
+        base_from_camera=base_from_table @ table_from_camera,
+        bolts=bolts,
+        retries=drawn.retries,
+    )
+
+
+def _look_at_bolts(
+    scanned: MotorModel,
+    clamped: MotorModel,
+    scene: SceneModel,
+    camera_from_motor: Transform,
+    captured: CapturedView,
+) -> tuple[ViewBolt, ...]:
+    solids = {solid.bolt_id: solid for solid in clamped.parts if solid.bolt_id is not None}
+    rows = {solid.bolt_id: row for row, solid in enumerate(scene.solids) if solid.bolt_id}
+    old_solids = {solid.bolt_id: solid for solid in scanned.parts if solid.bolt_id is not None}
+    points_camera = captured.points()
+    solid_of_point = captured.solid_index.reshape(-1)[captured.pixels]
+
+    def look_at(bolt: TrueBolt, partner: TrueBolt | None) -> ViewBolt:
+        if partner is None:
+            surface = sample_outer_head(bolt, old_solids[bolt.id])
+            seen = SeenBolt(visible_fraction=0.0, pixel_count=0)
+        else:
+            surface = sample_outer_head(partner, solids[partner.id])
+            measured = points_camera[solid_of_point == rows[partner.id]]
+            seen = SeenBolt(
+                visible_fraction=seen_share(camera_from_motor.apply(surface), measured),
+                pixel_count=len(measured),
+            )
+        return ViewBolt(
+            scanned=bolt, clamped=partner, head_centroid=surface.mean(axis=0), seen=seen
+        )
+
+    partners = match_bolts(scanned.bolts, clamped.bolts)
+    return tuple(
+        look_at(bolt, partner) for bolt, partner in zip(scanned.bolts, partners, strict=True)
+    )
+
+
+def _choose_camera(
+    scene: SceneModel,
+    table_from_camera: Transform,
+    settings: DataSetSettings,
+    rng: np.random.Generator,
+) -> PinholeCamera:
+    """A lens that suits the motor and its distance, as whoever bought the camera chose it."""
+    camera_from_table = table_from_camera.inverse()
+    motor = [solid.vertices for solid in scene.solids if solid.part != Part.BACKGROUND]
+    points = camera_from_table.apply(np.concatenate(motor))
+    size = np.array([settings.width_px, settings.height_px])
+    spread = float((np.ptp(points[:, :2] / points[:, 2:], axis=0) / size).max())
+    focal_px = rng.uniform(*_FILLED_SHARE) / spread
+    shortest, longest = (float(size.max()) * factor for factor in _FOCAL_RANGE)
+    # the optical axis misses the middle of the chip by up to some percent
+    off = rng.normal(0, 0.01, 2).clip(-0.03, 0.03) * size.max()
+    return PinholeCamera(
+        width=settings.width_px,
+        height=settings.height_px,
+        focal_px=float(np.clip(focal_px, shortest, longest)),
+        centre_px=(float((size[0] - 1) / 2 + off[0]), float((size[1] - 1) / 2 + off[1])),
+    )
+
+
+def _place_robot(rng: np.random.Generator) -> Transform:
+    """`base_from_table`."""
+    turn = Rotation.from_euler(
+        "zyx", [rng.uniform(0, 2 * np.pi), *rng.normal(0, _BASE_LEAN_RAD, 2)]
+    )
+    reach, around = rng.uniform(*_BASE_REACH_MM), rng.uniform(-np.pi / 2, np.pi / 2)
+    place = (reach * np.cos(around), reach * np.sin(around), rng.uniform(*_BASE_HEIGHT_MM))
+    return Transform.from_parts("base", "table", turn.as_matrix(), place)
