@@ -21,7 +21,8 @@ from boltpose.factory.spec import (
     SpecModel,
 )
 from boltpose.factory.spec_fasteners import BoltSpec, DistractorSpec, HeadKind, Site
-from boltpose.factory.wear import sample_wear, wear_motor
+from boltpose.factory.wear import wear_motor
+from boltpose.factory.wear_spec import sample_wear
 
 _Fastener = TypeVar("_Fastener", BoltSpec, DistractorSpec)
 _Spec = TypeVar("_Spec", bound=SpecModel)

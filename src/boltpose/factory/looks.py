@@ -45,13 +45,13 @@ LOOKS: MappingProxyType[Material, Look] = MappingProxyType(
 
 PART_COLORS: MappingProxyType[Part, tuple[float, float, float]] = MappingProxyType(
     {
-        Part.BACKGROUND: (0.33, 0.33, 0.33),
-        Part.MAIN_HOUSING: (0.07, 0.2, 0.45),
-        Part.CONNECTOR: (0.16, 0.42, 0.2),
-        Part.SOLENOID: (0.75, 0.4, 0.06),
-        Part.ELECTRICAL_CONNECTOR: (0.42, 0.13, 0.47),
-        Part.GEAR: (0.75, 0.66, 0.1),
-        Part.BOLT: (0.78, 0.05, 0.05),
+        Part.BACKGROUND: (0.604, 0.570, 0.507),
+        Part.MAIN_HOUSING: (0.171, 0.319, 0.187),
+        Part.CONNECTOR: (0.342, 0.570, 0.263),
+        Part.SOLENOID: (0.890, 0.477, 0.119),
+        Part.ELECTRICAL_CONNECTOR: (0.848, 0.729, 0.133),
+        Part.GEAR: (0.233, 0.342, 0.848),
+        Part.BOLT: (0.787, 0.073, 0.064),
     }
 )
-"""Linear RGB of every class."""
+"""Linear RGB of every class: the colours of `picture.paint`, as light."""

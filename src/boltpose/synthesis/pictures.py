@@ -1,0 +1,227 @@
+"""The pictures of `docs/factory.md`: families, clamps, wear and sensors, all by one command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from boltpose.arrays import FloatArray
+from boltpose.errors import ConfigError, DegenerateGeometryError
+from boltpose.factory.build import build_motor
+from boltpose.factory.families import FAMILIES, sample_motor
+from boltpose.factory.model import MotorModel, SceneModel, SolidPart, bounds_mm
+from boltpose.factory.scene import CLAMPS, place_motor
+from boltpose.factory.viewpoint import suggest_camera
+from boltpose.factory.wear import wear_motor
+from boltpose.factory.wear_spec import sample_wear
+from boltpose.geometry.transforms import Transform
+from boltpose.picture.paint import part_tints
+from boltpose.schema import Part
+from boltpose.sensor.hand_held import scan_motor
+from boltpose.sensor.hand_held_config import HandHeldConfig
+from boltpose.sensor.raycast import RayCaster
+from boltpose.synthesis.render import RenderConfig, look_at, render_solids
+from boltpose.synthesis.sensor_pictures import (
+    camera_effects,
+    draw_cloud,
+    draw_effect,
+    hand_held_tiles,
+)
+from boltpose.synthesis.tiles import Tile, sheet, write_jpeg
+
+_TILE_PX = (420, 360)
+_FRONT = (-1.2, 0.5, 0.9)
+_REAR = (-1.2, 0.6, -1.0)
+_PER_SHEET = 6
+_DISTANCE_MM = 700.0
+_ATTEMPTS = 12
+"""Motors tried for a clamp; not every motor fits every clamp."""
+
+
+def write_pictures(
+    folder: Path,
+    *,
+    seed: int = 0,
+    only: Sequence[str] = (),
+    report: Callable[[Path], None] | None = None,
+) -> tuple[Path, ...]:
+    """Draw the pictures of the documentation.
+
+    Args:
+        folder: Where they go; made if missing.
+        seed: Draws the motors, clamps and errors.
+        only: Names from `PICTURES`; none for all.
+        report: Called with every file once it is written.
+
+    Returns:
+        The files.
+
+    Raises:
+        ConfigError: There is no such picture.
+        OSError: The folder is not writable.
+    """
+    for name in only:
+        if name not in PICTURES:
+            raise ConfigError(f"picture must be one of {', '.join(PICTURES)}, got '{name}'")
+    folder.mkdir(parents=True, exist_ok=True)
+    written: list[Path] = []
+    for name in only or PICTURES:
+        for path in PICTURES[name](folder, seed):
+            written.append(path)
+            if report is not None:
+                report(path)
+    return tuple(written)
+
+
+def _motor(family: str, seed: int) -> MotorModel:
+    return build_motor(sample_motor(np.random.default_rng(seed), family))
+
+
+def _draw(
+    solids: Sequence[SolidPart],
+    caption: str,
+    direction: Sequence[float] = _FRONT,
+    *,
+    by_class: bool = False,
+    up: Sequence[float] = (0, 0, 1),
+    frame_from_camera: Transform | None = None,
+) -> Tile:
+    """One rendered tile."""
+    image = render_solids(
+        solids,
+        frame_from_camera,
+        direction=direction,
+        up=up,
+        size_px=_TILE_PX,
+        color_by="part" if by_class else "material",
+    )
+    return Tile(image, caption)
+
+
+def _families(folder: Path, seed: int) -> list[Path]:
+    """Every family from the front, from behind and by class."""
+    written: list[Path] = []
+    for number, start in enumerate(range(0, len(FAMILIES), _PER_SHEET), start=1):
+        tiles: list[Tile] = []
+        for family in FAMILIES[start : start + _PER_SHEET]:
+            parts = _motor(family, seed).parts
+            tiles += [
+                _draw(parts, family),
+                _draw(parts, "from behind", _REAR),
+                _draw(parts, "classes", by_class=True, direction=_REAR),
+            ]
+        written.append(write_jpeg(folder / f"families_{number}.jpg", sheet(tiles, 3), quality=80))
+    return written
+
+
+def _variation(folder: Path, seed: int) -> list[Path]:
+    """One family, other seeds."""
+    tiles = [_draw(_motor(FAMILIES[0], seed + i).parts, f"seed {seed + i}") for i in range(4)]
+    return [write_jpeg(folder / "variation.jpg", sheet(tiles, 4))]
+
+
+def _making(folder: Path, seed: int) -> list[Path]:
+    """Class by class, all from one place."""
+    model = _motor(FAMILIES[0], seed)
+    pose = look_at(model.parts, _REAR, config=RenderConfig(size_px=_TILE_PX))
+    shown: list[SolidPart] = []
+    tiles: list[Tile] = []
+    for part in list(Part)[1:]:
+        shown += model.parts_of(part)
+        caption = ("+ " if tiles else "") + part.name.lower().replace("_", " ")
+        tiles.append(_draw(shown, caption, by_class=True, frame_from_camera=pose))
+    return [write_jpeg(folder / "making.jpg", sheet(tiles, 3))]
+
+
+def _wear(folder: Path, seed: int) -> list[Path]:
+    """New and worn."""
+    tiles: list[Tile] = []
+    for family in FAMILIES[:2]:
+        new = _motor(family, seed)
+        worn = wear_motor(new, sample_wear(np.random.default_rng(seed + 3)), seed)
+        tiles += [_draw(new.parts, f"{family}, new"), _draw(worn.parts, "worn")]
+    return [write_jpeg(folder / "wear.jpg", sheet(tiles, 4))]
+
+
+def _clamps(folder: Path, seed: int) -> list[Path]:
+    """Every clamp with a motor in it."""
+    tiles: list[Tile] = []
+    for number, clamp in enumerate(CLAMPS):
+        scene = clamped(clamp, seed + number)
+        tiles.append(_draw(near_motor(scene), clamp, (0.9, -1.1, 1.0)))
+    half = -(-len(tiles) // 2)
+    return [
+        write_jpeg(folder / f"clamps_{number}.jpg", sheet(some, 3))
+        for number, some in enumerate((tiles[:half], tiles[half:]), start=1)
+        if some
+    ]
+
+
+def clamped(clamp: str, seed: int) -> SceneModel:
+    """A motor of some family in a clamp.
+
+    Raises:
+        DegenerateGeometryError: No motor that was tried fits.
+    """
+    rng = np.random.default_rng(seed)
+    for _ in range(_ATTEMPTS - 1):
+        model = build_motor(sample_motor(rng))
+        try:
+            return place_motor(model, rng, clamp)
+        except DegenerateGeometryError:
+            continue
+    return place_motor(build_motor(sample_motor(rng)), rng, clamp)
+
+
+def near_motor(scene: SceneModel) -> list[SolidPart]:
+    """The motor and what stands close to it: tables and clutter reach far."""
+    motor = [solid for solid in scene.solids if solid.part != Part.BACKGROUND]
+    reach = 1.2 * float(np.ptp(bounds_mm(motor), axis=0).max())
+    middle = bounds_mm(motor).mean(axis=0)
+
+    def is_near(corners: FloatArray) -> bool:
+        return bool((np.abs(corners - middle)[:, :2] < reach).all())
+
+    return [solid for solid in scene.solids if is_near(bounds_mm([solid]))]
+
+
+def _camera(folder: Path, seed: int) -> list[Path]:
+    """Every error of the structured-light camera."""
+    scene = clamped(CLAMPS[0], seed)
+    caster = RayCaster(scene.solids)
+    pose = suggest_camera(
+        scene,
+        np.random.default_rng(seed),
+        distance_mm=(_DISTANCE_MM, _DISTANCE_MM),
+        spread_deg=12,
+        wander_mm=0,
+    )
+    return [
+        write_jpeg(
+            folder / f"camera_{effect.name}.jpg", sheet(draw_effect(effect, caster, pose, seed), 2)
+        )
+        for effect in camera_effects()
+    ]
+
+
+def _hand_held(folder: Path, seed: int) -> list[Path]:
+    """The errors of the hand-held scanner, and a scan by class."""
+    model = _motor(FAMILIES[0], seed)
+    tiles = hand_held_tiles(model, seed)
+    scan = scan_motor(model.parts, HandHeldConfig(), np.random.default_rng(seed))
+    tiles.append(Tile(draw_cloud(scan, part_tints(scan.labels)), "the labels of that scan"))
+    return [write_jpeg(folder / "hand_held.jpg", sheet(tiles, 2), quality=80)]
+
+
+PICTURES: dict[str, Callable[[Path, int], list[Path]]] = {
+    "families": _families,
+    "variation": _variation,
+    "making": _making,
+    "wear": _wear,
+    "clamps": _clamps,
+    "camera": _camera,
+    "hand_held": _hand_held,
+}
+"""What can be drawn, by name."""
