@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boltpose.arrays import FloatArray
-from boltpose.errors import ConfigError
 from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt
 from boltpose.factory.bracket import build_bracket
 from boltpose.factory.castings import largest_piece
-from boltpose.factory.checks import check_bolts, check_layout, check_seat
+from boltpose.factory.checks import BoltPlaceError, check_bolts, check_layout, check_seat
 from boltpose.factory.distractors import build_distractor
 from boltpose.factory.gear import GearSolid, build_gear
 from boltpose.factory.gearbox import build_gearbox
@@ -48,8 +47,8 @@ class PlacedBolt:
     """A bolt in frame `build`, before it has its name."""
 
     spec: BoltSpec
-    field: str
-    """Where it stands in the specification, for messages."""
+    index: int
+    """Of its specification."""
     solid: BoltSolid
     seat: Seat
     build_from_bolt: Transform
@@ -114,11 +113,10 @@ def build_motor(spec: MotorSpec) -> MotorModel:
 
 def _place_bolt(spec: MotorSpec, layout: Layout, index: int) -> PlacedBolt:
     bolt = spec.bolts[index]
-    field = f"bolts[{index}]"
     if bolt.site.value == "yoke":
-        raise ConfigError(f"{field}.site: yoke is for distractors, bolts are parallel to the axis")
+        raise BoltPlaceError(index, "site yoke is for distractors, bolts are parallel to the axis")
     if bolt.site.value.startswith("solenoid") and spec.solenoid is None:
-        raise ConfigError(f"{field}.site: {bolt.site.value} on a motor without solenoid")
+        raise BoltPlaceError(index, f"site {bolt.site.value} on a motor without solenoid")
     solid = build_bolt(bolt)
     seat = find_seat(
         spec,
@@ -131,7 +129,7 @@ def _place_bolt(spec: MotorSpec, layout: Layout, index: int) -> PlacedBolt:
     rotation = np.eye(3) if seat.outward[2] > 0 else _TURNED_OVER
     return PlacedBolt(
         spec=bolt,
-        field=field,
+        index=index,
         solid=solid,
         seat=seat,
         build_from_bolt=Transform.from_parts("build", "bolt", rotation, top),
@@ -194,9 +192,12 @@ def _carve(
     parts = [solid_part(gear.shape, gear.name, gear.part, gear.material)]
     taken = [clearance, gear.shape]
     for terminal in terminals:
-        # terminals are apart from each other by construction
-        parts.append(terminal)
-    taken += [manifold_of(terminal) for terminal in terminals]
+        body = manifold_of(terminal)
+        body = _without_crumbs(body - union([other for other in taken if _touch(other, body)]))
+        if body.is_empty():
+            continue
+        parts.append(solid_part(body, terminal.name, terminal.part, terminal.material))
+        taken.append(body)
     for piece in pieces:
         shape = piece.shape - union([body for body in taken if _touch(body, piece.shape)])
         shape = largest_piece(shape) if piece.in_one_piece else _without_crumbs(shape)

@@ -25,13 +25,22 @@ _MIN_SUPPORT = 0.55
 """Share of the seat, a hole's chamfer and rounded lug edges taken off, that must be material."""
 
 
+class BoltPlaceError(ConfigError):
+    """A bolt cannot be where the specification wants it."""
+
+    def __init__(self, index: int, problem: str) -> None:
+        super().__init__(f"bolts[{index}]: {problem}")
+        self.index = index
+        """Of the bolt in `MotorSpec.bolts`."""
+
+
 class SeatedBolt(Protocol):
     """What the checks need of a placed bolt."""
 
     @property
     def spec(self) -> BoltSpec: ...
     @property
-    def field(self) -> str: ...
+    def index(self) -> int: ...
     @property
     def solid(self) -> BoltSolid: ...
     @property
@@ -121,9 +130,10 @@ def _check_pair(first: SeatedBolt, second: SeatedBolt) -> None:
     for radius_a, low_a, high_a in _sections(first):
         for radius_b, low_b, high_b in _sections(second):
             if distance < radius_a + radius_b + 2 * _GAP_MM and low_a < high_b and low_b < high_a:
-                raise ConfigError(
-                    f"{first.field} and {second.field}: {distance:.3g} mm apart, their bolts need "
-                    f"{radius_a + radius_b + 2 * _GAP_MM:.3g}"
+                raise BoltPlaceError(
+                    second.index,
+                    f"{distance:.3g} mm beside bolts[{first.index}], they need "
+                    f"{radius_a + radius_b + 2 * _GAP_MM:.3g}",
                 )
 
 
@@ -152,7 +162,7 @@ def check_seat(
     whole = head + bolt.place(cylinder(solid.shank_radius_mm, -height - solid.shank_mm, -height))
     for name, body in [("gear", gear), *((part.name, manifold_of(part)) for part in terminals)]:
         if (whole ^ body).volume() > 0.01:
-            raise ConfigError(f"{bolt.field}: it stands in the {name}")
+            raise BoltPlaceError(bolt.index, f"it stands in the {name}")
     ring = bolt.place(
         cylinder(radius - 0.4, -height - 0.3, -height - 0.05)
         - cylinder(solid.shank_radius_mm + 0.3, -height - 1, 1)
@@ -164,12 +174,13 @@ def check_seat(
         elif piece.body is not None and piece.name != "connector_bracket":
             buried = (head ^ piece.shape).volume() / head.volume()
             if buried > _MAX_BURIED:
-                raise ConfigError(
-                    f"{bolt.field}: {100 * buried:.0f} % of its head are inside {piece.name}"
+                raise BoltPlaceError(
+                    bolt.index, f"{100 * buried:.0f} % of its head are inside {piece.name}"
                 )
     share = support / ring.volume()
     if share < _MIN_SUPPORT:
-        raise ConfigError(
-            f"{bolt.field}: its head has no seat, only {100 * share:.0f} % of it are on the "
-            f"{bolt.seat.body.value}"
+        raise BoltPlaceError(
+            bolt.index,
+            f"its head has no seat, only {100 * share:.0f} % of it are on the "
+            f"{bolt.seat.body.value}",
         )
