@@ -29,7 +29,7 @@ from boltpose.factory.pieces import Piece
 from boltpose.factory.rear_cap import build_rear_cap
 from boltpose.factory.sites import Lug, Seat, find_lugs, find_seat
 from boltpose.factory.solenoid import build_solenoid
-from boltpose.factory.solids import Manifold, manifold_of, mesh_arrays, solid_part, union
+from boltpose.factory.solids import Manifold, boxes_touch, manifold_of, settled, solid_part, union
 from boltpose.factory.spec import MotorSpec
 from boltpose.factory.spec_fasteners import BoltSpec
 from boltpose.factory.terminals import build_terminals
@@ -75,13 +75,17 @@ def build_motor(spec: MotorSpec) -> MotorModel:
         lug for bolt in bolts for lug in find_lugs(spec, layout, bolt.spec, bolt.solid, bolt.seat)
     ]
     pieces = _with_distractors(spec, layout, _raw_pieces(spec, layout, lugs))
-    clearance = union([bolt.place(bolt_clearance(bolt.spec)) for bolt in bolts])
+    pieces = [replace(piece, shape=settled(piece.shape)) for piece in pieces]
+    clearance = settled(union([bolt.place(bolt_clearance(bolt.spec)) for bolt in bolts]))
     terminals = build_terminals(spec, layout)
     gear = _gear(spec, layout)
+    obstacles = [(part.name, manifold_of(part)) for part in terminals]
+    obstacles.append((gear.name, gear.shape))
     for bolt in bolts:
-        check_seat(bolt, gear.shape, terminals, pieces)
+        check_seat(bolt, obstacles, pieces)
     shift = layout.motor_from_build
-    parts = _carve(pieces, gear, terminals, clearance)
+    parts = [solid_part(gear.shape, gear.name, gear.part, gear.material), *terminals]
+    parts += _carve(pieces, [clearance, *(body for _, body in obstacles)])
     present = _name_bolts([bolt for bolt in bolts if bolt.spec.state == "present"])
     for name, bolt in present:
         parts.append(
@@ -181,37 +185,20 @@ def _gear(spec: MotorSpec, layout: Layout) -> Piece:
         shaft_rear_mm=floor,
         turn_deg=spec.gear.turn_deg,
     )
-    body = solid.body.translate((*layout.shaft_xy, layout.flange_front_z))
+    body = settled(solid.body.translate((*layout.shaft_xy, layout.flange_front_z)))
     return Piece(name="gear_pinion", part=Part.GEAR, material=Material.BARE_STEEL, shape=body)
 
 
-def _carve(
-    pieces: Sequence[Piece], gear: Piece, terminals: Sequence[SolidPart], clearance: Manifold
-) -> list[SolidPart]:
-    """Make everything disjoint by the order of precedence."""
-    parts = [solid_part(gear.shape, gear.name, gear.part, gear.material)]
-    taken = [clearance, gear.shape]
-    for terminal in terminals:
-        body = manifold_of(terminal)
-        body = _without_crumbs(body - union([other for other in taken if _touch(other, body)]))
-        if body.is_empty():
-            continue
-        parts.append(solid_part(body, terminal.name, terminal.part, terminal.material))
-        taken.append(body)
+def _carve(pieces: Sequence[Piece], obstacles: Sequence[Manifold]) -> list[SolidPart]:
+    """Make pieces disjoint from what keeps its room and, by their order, from each other."""
+    taken = list(obstacles)
+    parts: list[SolidPart] = []
     for piece in pieces:
-        shape = piece.shape - union([body for body in taken if _touch(body, piece.shape)])
+        shape = piece.shape - union([body for body in taken if boxes_touch(body, piece.shape)])
         shape = largest_piece(shape) if piece.in_one_piece else _without_crumbs(shape)
         parts.append(solid_part(shape, piece.name, piece.part, piece.material))
         taken.append(shape)
     return parts
-
-
-def _touch(first: Manifold, second: Manifold) -> bool:
-    """Whether the boxes around two bodies meet."""
-    if first.is_empty() or second.is_empty():
-        return False
-    a, b = np.asarray(first.bounding_box()), np.asarray(second.bounding_box())
-    return bool((a[:3] < b[3:]).all() and (b[:3] < a[3:]).all())
 
 
 def _without_crumbs(shape: Manifold) -> Manifold:

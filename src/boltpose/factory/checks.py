@@ -10,11 +10,10 @@ from boltpose.errors import ConfigError
 from boltpose.factory.bolts import BoltSolid
 from boltpose.factory.gear import tooth_radii
 from boltpose.factory.layout import Layout
-from boltpose.factory.model import SolidPart
 from boltpose.factory.nose import room_radius_mm
 from boltpose.factory.pieces import Piece
-from boltpose.factory.sites import Seat
-from boltpose.factory.solids import Manifold, cylinder, manifold_of
+from boltpose.factory.sites import Body, Seat
+from boltpose.factory.solids import Manifold, boxes_touch, cylinder
 from boltpose.factory.spec import MotorSpec
 from boltpose.factory.spec_fasteners import BoltSpec
 
@@ -149,20 +148,26 @@ def _sections(bolt: SeatedBolt) -> list[tuple[float, float, float]]:
 
 
 def check_seat(
-    bolt: SeatedBolt, gear: Manifold, terminals: Sequence[SolidPart], pieces: Sequence[Piece]
+    bolt: SeatedBolt, obstacles: Sequence[tuple[str, Manifold]], pieces: Sequence[Piece]
 ) -> None:
-    """Refuse heads inside another part or over thin air.
+    """Refuse bolts inside another part, and heads over thin air.
+
+    Args:
+        bolt: The bolt.
+        obstacles: Names and bodies of what no bolt may touch: gear and terminals.
+        pieces: What carries bolts, before anything is cut out of it.
 
     Raises:
-        ConfigError: It is one of them.
+        BoltPlaceError: It is one of them.
     """
     solid = bolt.solid
     radius, height = solid.head_diameter_mm / 2, solid.head_height_mm
     head = bolt.place(cylinder(radius, -height, 0))
-    whole = head + bolt.place(cylinder(solid.shank_radius_mm, -height - solid.shank_mm, -height))
-    for name, body in [("gear", gear), *((part.name, manifold_of(part)) for part in terminals)]:
-        if (whole ^ body).volume() > 0.01:
-            raise BoltPlaceError(bolt.index, f"it stands in the {name}")
+    shank = bolt.place(cylinder(solid.shank_radius_mm, -height - solid.shank_mm, -height))
+    for name, body in obstacles:
+        for own in (head, shank):
+            if boxes_touch(own, body) and (own ^ body).volume() > 0.01:
+                raise BoltPlaceError(bolt.index, f"it stands in the {name}")
     ring = bolt.place(
         cylinder(radius - 0.4, -height - 0.3, -height - 0.05)
         - cylinder(solid.shank_radius_mm + 0.3, -height - 1, 1)
@@ -171,7 +176,8 @@ def check_seat(
     for piece in pieces:
         if piece.body is bolt.seat.body:
             support += (ring ^ piece.shape).volume()
-        elif piece.body is not None and piece.name != "connector_bracket":
+        # play around a head may eat into castings, as a spot face does
+        elif piece.body not in (None, Body.BRACKET) and boxes_touch(head, piece.shape):
             buried = (head ^ piece.shape).volume() / head.volume()
             if buried > _MAX_BURIED:
                 raise BoltPlaceError(

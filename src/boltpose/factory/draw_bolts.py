@@ -146,7 +146,8 @@ def _through_bolts(draw: _Draw) -> None:
         reach = draw.layout.cap_radius_mm - head - between(rng, 0.5, 3.5) - spec.rear_cap.edge_mm
         reach = max(reach, 0.55 * radius)
     full = spec.housing.length_mm + spec.rear_cap.length_mm
-    shank = min(round(full + between(rng, 5, 9), 1), 249.0)
+    depth = spec.bracket.body_length_mm if spec.gearbox is None else spec.gearbox.length_mm
+    shank = min(round(full + between(rng, 4, max(min(10.0, depth - 4), 4.5)), 1), 249.0)
     recess = between(rng, 1, 4, 1) if not outside and happens(rng, 0.25) else 0.0
     start = between(rng, 0, 360, 1) if not outside else between(rng, -25, 25, 1)
     draw.add(

@@ -44,7 +44,6 @@ def build_yoke(spec: MotorSpec, layout: Layout, lugs: Sequence[Lug]) -> list[Pie
             material=material,
             shape=body,
             body=Body.YOKE,
-            in_one_piece=spec.rear_cap.style != "spider",
         )
     ]
     if housing.name_plate_angle_deg is not None:

@@ -176,7 +176,7 @@ def find_lugs(
         case Site.REAR_CAP:
             found.append(lug(Body.REAR_CAP, wide, seat.surface_z, layout.yoke_rear_z))
             if end_z > 1:
-                room = layout.bracket_rear_z if front is Body.GEARBOX else layout.flange_rear_z
+                room = layout.bracket_rear_z if front is Body.GEARBOX else layout.flange_front_z
                 found.append(lug(front, narrow, 0, min(end_z, room)))
         case Site.GEARBOX_REAR if front is Body.GEARBOX:
             found.append(lug(Body.GEARBOX, wide, 0, layout.bracket_rear_z))

@@ -89,6 +89,20 @@ def hull(bodies: Sequence[Manifold]) -> Manifold:
     return Manifold.batch_hull(list(bodies))
 
 
+def settled(body: Manifold) -> Manifold:
+    """Work a body's booleans out once; left lazy, each use would work them out anew."""
+    body.num_tri()
+    return body
+
+
+def boxes_touch(first: Manifold, second: Manifold) -> bool:
+    """Whether the boxes around two bodies meet; never with an empty body."""
+    if first.is_empty() or second.is_empty():
+        return False
+    a, b = np.asarray(first.bounding_box()), np.asarray(second.bounding_box())
+    return bool((a[:3] < b[3:]).all() and (b[:3] < a[3:]).all())
+
+
 def solid_part(
     body: Manifold, name: str, part: Part, material: Material, *, bolt_id: str | None = None
 ) -> SolidPart:
