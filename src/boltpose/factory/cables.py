@@ -9,11 +9,10 @@ import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.factory.layout import Layout
-from boltpose.factory.model import Material, SolidPart
-from boltpose.factory.solids import Manifold, box, cylinder, hull, solid_part, turned
+from boltpose.factory.model import Material
+from boltpose.factory.solids import Manifold, box, cylinder, hull, turned
 from boltpose.factory.spec import CableSpec, MotorSpec
 from boltpose.factory.sweeps import sweep
-from boltpose.schema import Part
 
 _GROMMET_MM = 5.0
 _LUG_MM = 2.0
@@ -24,6 +23,8 @@ _CURVE_POINTS = 28
 _TURNS_DEG = (0, 20, -20, 40, -40, 60, -60, 85, -85)
 """Where around the motor the cable may enter, counted from its stud."""
 _EMBED_MM = 0.5
+_INSIDE_MM = 1.3
+"""Where in the barrel the cable starts; ends in one plane would leave crumbs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +39,7 @@ class Obstacle:
 
 def build_cable(
     spec: CableSpec, lug_at_mm: FloatArray, thread_mm: float, motor: MotorSpec, layout: Layout
-) -> list[SolidPart]:
+) -> list[tuple[str, Manifold, Material]]:
     """Build the cable of a motor, its lug and its grommet.
 
     Of many ways (directions of the lug, places of entry, bulges) the one with the least
@@ -53,7 +54,7 @@ def build_cable(
         layout: The motor's stations.
 
     Returns:
-        Cable, lug and grommet, frame `build`.
+        Cable, lug and grommet, frame `build`; they overlap, the cable comes first.
     """
     way, lug_direction, entry, outward = _choose_way(spec, lug_at_mm, thread_mm, motor, layout)
     up = np.array([0.0, 0.0, -1.0])
@@ -62,22 +63,11 @@ def build_cable(
     if spec.kind == "braid":  # a woven band is uneven
         scale = 1 + 0.06 * np.sin(2.1 * np.arange(len(way)))
     cable = sweep(outline, way, first_up=up, scale=scale)
-    parts = [
-        solid_part(cable, "electrical_connector_cable", Part.ELECTRICAL_CONNECTOR, material),
-        solid_part(
-            _lug(spec, thread_mm, lug_at_mm, lug_direction),
-            "electrical_connector_lug",
-            Part.ELECTRICAL_CONNECTOR,
-            Material.COPPER,
-        ),
-        solid_part(
-            _grommet(spec, entry, outward),
-            "electrical_connector_grommet",
-            Part.ELECTRICAL_CONNECTOR,
-            Material.RUBBER,
-        ),
+    return [
+        ("cable", cable, material),
+        ("lug", _lug(spec, thread_mm, lug_at_mm, lug_direction), Material.COPPER),
+        ("grommet", _grommet(spec, entry, outward), Material.RUBBER),
     ]
-    return parts
 
 
 def lug_thickness_mm() -> float:
@@ -122,7 +112,7 @@ def _choose_way(
     spec: CableSpec, lug_at: FloatArray, thread_mm: float, motor: MotorSpec, layout: Layout
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Way of the cable (N, 3), direction of its lug, point of entry, direction out of the motor."""
-    obstacles = _obstacles(motor, layout)
+    obstacles = find_obstacles(motor, layout)
     start_angle = math.degrees(math.atan2(lug_at[1], lug_at[0]))
     radius, stations = _entries(spec, motor, layout)
     first = thread_mm * 1.15
@@ -138,12 +128,13 @@ def _choose_way(
             outward = np.array([math.cos(angle), math.sin(angle), 0.0])
             entry = radius * outward + np.array([0.0, 0.0, station])
             mouth = entry + _GROMMET_MM * outward
-            for bulge in (1.0, 1.6):
+            for bulge in (0.55, 1.0, 1.5):
                 curve = _curves(bend, lugs, mouth, outward, bulge, spec.sag_mm)
                 cost = _cost(curve, spec, obstacles) + 0.05 * abs(turn)
                 index = int(np.argmin(cost))
                 if best is None or cost[index] < best[0] - 1e-9:
-                    head = np.linspace(begin[index], bend[index], 4)[:-1]
+                    inside = begin[index] + _INSIDE_MM * lugs[index]
+                    head = np.linspace(inside, bend[index], 4)[:-1]
                     tail = np.linspace(mouth, entry - _EMBED_MM * outward, 4)[1:]
                     way = np.concatenate([head, curve[index], tail])
                     best = (float(cost[index]), way, lugs[index], entry, outward)
@@ -161,7 +152,7 @@ def _curves(
 ) -> FloatArray:
     """Cubic Hermite curves from every lug, shape (D, N, 3), to one grommet."""
     distance = np.linalg.norm(mouth - start, axis=1)[:, None, None]
-    pull = bulge * (0.9 * distance + 10) + 2 * sag_mm
+    pull = bulge * (0.9 * distance + 10 + 2 * sag_mm)
     t = np.linspace(0, 1, _CURVE_POINTS)[None, :, None]
     h00, h10 = 2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t
     h01, h11 = -2 * t**3 + 3 * t**2, t**3 - t**2
@@ -183,12 +174,12 @@ def _cost(curves: FloatArray, spec: CableSpec, obstacles: list[Obstacle]) -> Flo
     free = curves[:, :-2]
     hit = np.zeros(len(curves))
     for obstacle in obstacles:
-        hit += np.maximum(0, need - _distance(free, obstacle)).sum(axis=1)
-    return lengths.sum(axis=1) + 40 * sharp + 20 * hit
+        hit += np.maximum(0, need - obstacle_distance(free, obstacle)).sum(axis=1)
+    return lengths.sum(axis=1) + 300 * sharp + 20 * hit
 
 
-def _distance(points: FloatArray, obstacle: Obstacle) -> FloatArray:
-    """Signed distance of points, shape (..., 3), to a cylinder."""
+def obstacle_distance(points: FloatArray, obstacle: Obstacle) -> FloatArray:
+    """Signed distance of points, shape (..., 3), frame `build`, to a cylinder."""
     beside = np.hypot(points[..., 0] - obstacle.xy[0], points[..., 1] - obstacle.xy[1])
     radial = beside - obstacle.radius_mm
     axial = np.maximum(obstacle.z_low - points[..., 2], points[..., 2] - obstacle.z_high)
@@ -207,7 +198,8 @@ def _entries(spec: CableSpec, motor: MotorSpec, layout: Layout) -> tuple[float, 
     return motor.housing.radius_mm, tuple(sorted(stations))
 
 
-def _obstacles(motor: MotorSpec, layout: Layout) -> list[Obstacle]:
+def find_obstacles(motor: MotorSpec, layout: Layout) -> list[Obstacle]:
+    """Cylinders around yoke, rear cap, bracket, solenoid, plug and the studs without the cable."""
     main = (0.0, 0.0)
     housing, cap = motor.housing.radius_mm, layout.cap_radius_mm
     obstacles = [
@@ -215,7 +207,7 @@ def _obstacles(motor: MotorSpec, layout: Layout) -> list[Obstacle]:
         Obstacle(xy=main, radius_mm=cap, z_low=layout.cap_rear_z, z_high=layout.yoke_rear_z),
         Obstacle(xy=main, radius_mm=motor.bracket.radius_mm, z_low=0, z_high=layout.flange_front_z),
     ]
-    centre, length = layout.terminal_xy, 0.0
+    centre = layout.terminal_xy
     face = layout.terminal_z(motor)
     if motor.solenoid is not None:
         reach = max(motor.solenoid.radius_mm, motor.solenoid.flange_radius_mm or 0)
@@ -241,10 +233,22 @@ def _obstacles(motor: MotorSpec, layout: Layout) -> list[Obstacle]:
             centre[0] + stud.radius_mm * math.cos(angle),
             centre[1] + stud.radius_mm * math.sin(angle),
         )
-        length = stud.length_mm + 4
-        obstacles.append(
-            Obstacle(xy=at, radius_mm=stud.thread_mm, z_low=face - length, z_high=face)
-        )
+        low = face - stud.length_mm - 4
+        obstacles.append(Obstacle(xy=at, radius_mm=stud.thread_mm, z_low=low, z_high=face))
+    plug = motor.terminals.plug
+    if plug is not None:
+        width, depth, height = plug.size_mm
+        radial, reach = plug.radius_mm, 0.5 * math.hypot(width, depth)
+        if plug.on_side:
+            mantle = (
+                layout.cap_radius_mm if motor.solenoid is None else layout.solenoid_cap_radius_mm
+            )
+            radial, reach = mantle + 0.5 * height, 0.5 * max(height, width)
+            height = -2 * depth
+        angle = math.radians(plug.angle_deg)
+        at = (centre[0] + radial * math.cos(angle), centre[1] + radial * math.sin(angle))
+        ends = sorted((face, face - height))
+        obstacles.append(Obstacle(xy=at, radius_mm=reach, z_low=ends[0], z_high=ends[1]))
     return obstacles
 
 

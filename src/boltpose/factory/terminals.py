@@ -29,9 +29,14 @@ from boltpose.schema import Part
 _FOOT_MM = 2.0
 """Height of the insulating foot of a stud."""
 _WASHER_MM = 1.0
+_GAP_MM = 0.05
+"""Between what lies on each other: faces in one plane leave crumbs when one is cut by the other."""
 _PITCH_MM = {5: 0.8, 6: 1.0, 8: 1.25, 10: 1.5}
 _WALL_MM = 1.4
 _BLADE_MM = (6.3, 0.8)
+_CRUMB_MM3 = 1.0
+_Piece = tuple[str, Manifold, Material]
+"""Name after the class, body, material."""
 _TURNED_OVER = np.diag([1.0, -1.0, -1.0])
 """z looks along -z of frame `build`."""
 
@@ -50,35 +55,50 @@ def build_terminals(spec: MotorSpec, layout: Layout) -> list[SolidPart]:
     face_z = layout.terminal_z(spec)
     cap = spec.rear_cap.length_mm if spec.solenoid is None else spec.solenoid.cap_length_mm
     centre = np.array([*layout.terminal_xy, face_z])
-    parts: list[SolidPart] = []
-    for index, stud in enumerate(terminals.studs):
-        has_lug = terminals.cable is not None and terminals.cable.stud == index
+    studs: list[_Piece] = []
+    feet: list[_Piece] = []
+    cable: list[_Piece] = []
+    for number, stud in enumerate(terminals.studs, start=1):
+        has_lug = terminals.cable is not None and terminals.cable.stud == number - 1
         build_from_stud = _stud_pose(stud, centre)
         metal, lug_z = _stud(stud, has_lug=has_lug)
-        foot = cylinder(1.05 * stud.thread_mm, -0.5 * cap, _FOOT_MM)
-        number = index + 1
-        parts.append(
-            solid_part(
+        studs.append(
+            (
+                f"stud_{number}",
                 metal.transform(build_from_stud),
-                f"electrical_connector_stud_{number}",
-                Part.ELECTRICAL_CONNECTOR,
                 Material.COPPER if stud.thread_mm >= 8 else Material.ZINC,
             )
         )
-        parts.append(
-            solid_part(
-                foot.transform(np.column_stack([_TURNED_OVER, build_from_stud[:, 3]])),
-                f"electrical_connector_foot_{number}",
-                Part.ELECTRICAL_CONNECTOR,
-                Material.BLACK_PLASTIC,
-            )
-        )
+        foot = cylinder(1.05 * stud.thread_mm, -0.5 * cap, _FOOT_MM)
+        upright = np.column_stack([_TURNED_OVER, build_from_stud[:, 3]])
+        feet.append((f"foot_{number}", foot.transform(upright), Material.BLACK_PLASTIC))
         if has_lug and terminals.cable is not None:
             lug_at = build_from_stud @ np.array([0, 0, lug_z, 1])
-            parts += build_cable(terminals.cable, lug_at, stud.thread_mm, spec, layout)
-    if terminals.plug is not None:
-        parts += _plug_parts(terminals.plug, spec, layout, 0.5 * cap)
+            cable = build_cable(terminals.cable, lug_at, stud.thread_mm, spec, layout)
+    plug = [] if terminals.plug is None else _plug_pieces(terminals.plug, spec, layout, 0.5 * cap)
+    return _disjoint([*studs, *cable, *feet, *plug])
+
+
+def _disjoint(pieces: list[_Piece]) -> list[SolidPart]:
+    """Make parts of overlapping pieces; what comes first keeps its room."""
+    parts: list[SolidPart] = []
+    taken: list[Manifold] = []
+    for name, body, material in pieces:
+        shape = body - union([other for other in taken if boxes_touch(other, body)])
+        solid = [piece for piece in shape.decompose() if piece.volume() > _CRUMB_MM3]
+        if not solid:
+            continue
+        shape = Manifold.compose(solid)
+        taken.append(shape)
+        name = f"electrical_connector_{name}"
+        parts.append(solid_part(shape, name, Part.ELECTRICAL_CONNECTOR, material))
     return parts
+
+
+def boxes_touch(first: Manifold, second: Manifold) -> bool:
+    """Whether the boxes around two bodies meet."""
+    a, b = np.asarray(first.bounding_box()), np.asarray(second.bounding_box())
+    return bool((a[:3] < b[3:]).all() and (b[:3] < a[3:]).all())
 
 
 def _stud_pose(stud: StudSpec, centre: FloatArray) -> FloatArray:
@@ -99,13 +119,13 @@ def _stud(stud: StudSpec, *, has_lug: bool) -> tuple[Manifold, float]:
     nut = hexagon_nut(across, stud.nut_height_mm).rotate((0, 0, 17 + 40 * stud.nuts))
     washer = cylinder(thread, 0, _WASHER_MM)
     bodies: list[Manifold] = []
-    z = _FOOT_MM
+    z = _FOOT_MM + _GAP_MM
     if stud.nuts == 2:
         bodies.append(nut.translate((0, 0, z)))
         z += stud.nut_height_mm
     lug_z = z
     if has_lug:
-        z += lug_thickness_mm()
+        z += lug_thickness_mm() + _GAP_MM
     if stud.nuts >= 1:
         bodies.append(washer.translate((0, 0, z)))
         z += _WASHER_MM
@@ -128,7 +148,7 @@ def _threaded_rod(radius_mm: float, pitch_mm: float, length_mm: float) -> Manifo
     return turned(profile)
 
 
-def _plug_parts(plug: PlugSpec, spec: MotorSpec, layout: Layout, sink_mm: float) -> list[SolidPart]:
+def _plug_pieces(plug: PlugSpec, spec: MotorSpec, layout: Layout, sink_mm: float) -> list[_Piece]:
     angle = math.radians(plug.angle_deg)
     radial = np.array([math.cos(angle), math.sin(angle), 0])
     tangent = np.array([-math.sin(angle), math.cos(angle), 0])
@@ -146,17 +166,12 @@ def _plug_parts(plug: PlugSpec, spec: MotorSpec, layout: Layout, sink_mm: float)
         axes[:, 0] *= -1
     build_from_plug = np.column_stack([axes, origin])
     return [
-        solid_part(
-            body.transform(build_from_plug),
-            f"electrical_connector_{name}",
-            Part.ELECTRICAL_CONNECTOR,
-            material,
-        )
+        (name, body.transform(build_from_plug), material)
         for name, body, material in _plug(plug, sink_mm)
     ]
 
 
-def _plug(plug: PlugSpec, sink_mm: float) -> list[tuple[str, Manifold, Material]]:
+def _plug(plug: PlugSpec, sink_mm: float) -> list[_Piece]:
     """Housing and contacts in frame `plug`: z out of the surface, x along the width."""
     width, depth, height = plug.size_mm
     match plug.kind:
