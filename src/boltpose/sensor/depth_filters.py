@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from boltpose.arrays import BoolArray, FloatArray
+from boltpose.arrays import BoolArray, FloatArray, IntArray
 
 _PAIRS = (((0, 1), 0.125), ((1, 0), 0.125), ((1, 1), 0.0625), ((1, -1), 0.0625))
 """Half of a 3 x 3 binomial kernel: a neighbour, and its weight and that of its opposite."""
@@ -40,9 +40,10 @@ def mix_edges(image: FloatArray, edge_mm: float, share: float, rng: np.random.Ge
         (1, image[:, :-1], image[:, 1:]),
         (width, image[:-1], image[1:]),
     ):
-        is_edge = (np.abs(near - far) > edge_mm) & (near > 0) & (far > 0)
-        rows, columns = np.nonzero(is_edge)
+        # holes are at zero, so steps into them are long: they drop out just below
+        rows, columns = np.nonzero(np.abs(near - far) > edge_mm)
         first = rows * width + columns
+        first = first[_is_edge(flat, first, step, edge_mm)]
         first = first[rng.random(len(first)) < share]
         second = first + step
         part = rng.random(len(first))
@@ -51,6 +52,24 @@ def mix_edges(image: FloatArray, edge_mm: float, share: float, rng: np.random.Ge
         targets.append(owner)
         values.append(flat[first] * (1 - part) + flat[second] * part)
     flat[np.concatenate(targets)] = np.concatenate(values)
+
+
+def _is_edge(flat: FloatArray, first: IntArray, step: int, edge_mm: float) -> BoolArray:
+    """Tell jumps from slopes: on a steep surface the pixels beside a step go on like it.
+
+    Args:
+        flat: The image as one row.
+        first: Pixels whose partner is `step` further on.
+        step: 1 for a partner to the right, the width for one below.
+        edge_mm: A jump differs more than this from what goes before and from what follows.
+    """
+    near, far = flat[first], flat[first + step]
+    jump = far - near
+    before = flat[np.maximum(first - step, 0)]
+    after = flat[np.minimum(first + 2 * step, len(flat) - 1)]
+    goes_on = (before > 0) & (np.abs(near - before - jump) < edge_mm)
+    goes_on |= (after > 0) & (np.abs(after - far - jump) < edge_mm)
+    return np.asarray((near > 0) & (far > 0) & ~goes_on)
 
 
 def smooth_depth(image: FloatArray, strength: float, edge_mm: float) -> None:

@@ -100,8 +100,9 @@ class StructuredLightConfig:
     smoothing: float = 1.0
     """How much of a 3 x 3 binomial mean replaces a pixel, 0 to 1; pairs of opposite neighbours
     that are on the same surface take part, so planes keep their place [filters, smoothing]."""
-    lone_mm: float = 3.0
-    """Neighbours further than this in depth do not support a pixel [filters, outlier]."""
+    lone_mm: float = 5.0
+    """Neighbours further than this do not support a pixel: the camera's preset [filters,
+    outlier]."""
     min_neighbours: int = 3
     """Of eight; pixels with fewer are removed."""
     finish: Finish = field(default_factory=Finish)
