@@ -12,7 +12,9 @@ from boltpose.factory.clamps.chucks import build_tilted_chuck, build_vertical_ch
 from boltpose.factory.clamps.clutter import scatter_clutter
 from boltpose.factory.clamps.contact import BoxedBody, boxed, cut_nests, overlap_depth_mm
 from boltpose.factory.clamps.cradles import build_strap_cradle, build_tilted_cradle
+from boltpose.factory.clamps.flange import build_flange_plate
 from boltpose.factory.clamps.plates import make_ground
+from boltpose.factory.clamps.supports import build_centres, build_pin_fixture
 from boltpose.factory.clamps.v_blocks import build_v_blocks
 from boltpose.factory.clamps.vices import build_parallel_vice, build_prism_vice
 from boltpose.factory.clamps.workpiece import Workpiece, inspect_motor
@@ -39,6 +41,9 @@ _BUILDERS: dict[str, Callable[[Workpiece, np.random.Generator], Assembly]] = {
     "tilted_chuck": build_tilted_chuck,
     "strap_cradle": build_strap_cradle,
     "tilted_cradle": build_tilted_cradle,
+    "flange_plate": build_flange_plate,
+    "pin_fixture": build_pin_fixture,
+    "centres": build_centres,
 }
 
 CLAMPS: tuple[str, ...] = tuple(_BUILDERS)

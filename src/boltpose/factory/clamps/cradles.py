@@ -17,6 +17,7 @@ from boltpose.factory.clamps.assembly import (
 )
 from boltpose.factory.clamps.fasteners import bevelled_box, hex_screw, nut_on_stud, socket_screw
 from boltpose.factory.clamps.v_blocks import along_x, lay_down, stations
+from boltpose.factory.clamps.wedge import centred, wedge_bodies
 from boltpose.factory.clamps.workpiece import Workpiece
 from boltpose.factory.model import Material
 from boltpose.factory.solids import CrossSection, Manifold, box, cylinder, prism, union
@@ -242,51 +243,7 @@ def build_tilted_cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     tilt[2, 3] = lift
     moved = level.moved(Transform("table", "table", tilt))
     bodies = [piece.placed(tilt) for piece in pieces]
-    bodies += _wedge(rng, tilt, (x_low, x_high), float(bounds[4] - bounds[1]))
-    return _centred(Assembly(bodies=tuple(bodies), table_from_motor=moved.table_from_motor))
-
-
-def _wedge(
-    rng: np.random.Generator,
-    tilt: np.ndarray,
-    x_mm: tuple[float, float],
-    wide_mm: float,
-) -> list[ClampBody]:
-    """What carries a slope: a closed wedge, or two cheeks with a plate under them."""
-    upper = tilt[:3, :3] @ (x_mm[0], 0, 0) + tilt[:3, 3]
-    lower = tilt[:3, :3] @ (x_mm[1], 0, 0) + tilt[:3, 3]
-    outline = [(lower[0], 0.0), (lower[0], lower[2]), (upper[0], upper[2]), (upper[0], 0.0)]
-    if rng.random() < 0.4:
-        body = prism(outline, -wide_mm * 0.45, wide_mm * 0.45).rotate((90, 0, 0))
-        return [ClampBody(name="wedge", body=body, material=Material.PAINTED_STEEL, give_mm=0.05)]
-    thick = float(rng.uniform(8, 16))
-    pieces: list[ClampBody] = []
-    for index, y in enumerate((-wide_mm * 0.4, wide_mm * 0.4)):
-        body = prism(outline, -thick / 2, thick / 2).rotate((90, 0, 0)).translate((0, y, 0))
-        pieces.append(
-            ClampBody(
-                name=f"cheek_{index}", body=body, material=Material.PAINTED_STEEL, give_mm=0.05
-            )
-        )
-    long = lower[0] - upper[0]
-    sheet = bevelled_box((long + 10, wide_mm + 40, 10), 1, (0.5 * (lower[0] + upper[0]), 0, 5))
-    pieces.append(
-        ClampBody(name="wedge_foot", body=sheet, material=Material.PAINTED_STEEL, give_mm=0.05)
-    )
-    heads = [
-        hex_screw(10).translate((x, y, 10))
-        for x in (upper[0] + 14, lower[0] - 14)
-        for y in (-wide_mm / 2 - 8, wide_mm / 2 + 8)
-    ]
-    pieces.append(
-        ClampBody(name="wedge_screws", body=union(heads), material=Material.ZINC, give_mm=0.05)
-    )
-    return pieces
-
-
-def _centred(assembly: Assembly) -> Assembly:
-    """The same with its middle over the origin."""
-    boxes = np.array([np.asarray(piece.body.bounding_box()) for piece in assembly.bodies])
-    middle = 0.5 * (boxes[:, :3].min(axis=0) + boxes[:, 3:].max(axis=0))
-    shift = frame_matrix((1, 0, 0), (0, 1, 0), (-middle[0], -middle[1], 0))
-    return assembly.moved(Transform("table", "table", shift))
+    closed = rng.random() < 0.4
+    wide = float(bounds[4] - bounds[1])
+    bodies += wedge_bodies(rng, tilt, (x_low, x_high), wide, closed=closed)
+    return centred(Assembly(bodies=tuple(bodies), table_from_motor=moved.table_from_motor))

@@ -205,7 +205,10 @@ def _ear_faces(model: MotorModel, front: FloatArray) -> tuple[float, float]:
         angle = np.radians(ear.angle_deg)
         centre = ear.reach_mm * np.array([np.cos(angle), np.sin(angle)])
         from_hole = np.linalg.norm(front[:, :2] - centre, axis=1)
-        near = front[(from_hole > ear.hole_mm / 2 - 0.5) & (from_hole < ear.radius_mm - 0.5)]
+        # the outer half, where the body of the bracket is far
+        outer = front[:, :2] @ (centre / ear.reach_mm) > ear.reach_mm
+        ring = (from_hole > ear.hole_mm / 2 - 0.2) & (from_hole < ear.radius_mm - 1)
+        near = front[ring & outer]
         if len(near):
             backs.append(float(near[:, 2].min()))
             fronts.append(float(near[:, 2].max()))
