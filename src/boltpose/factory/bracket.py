@@ -10,7 +10,7 @@ from boltpose.factory.layout import Layout
 from boltpose.factory.model import Material
 from boltpose.factory.nose import shape_nose
 from boltpose.factory.pieces import Piece
-from boltpose.factory.ribs import build_ribs, ear_gussets, pockets
+from boltpose.factory.ribs import build_ribs, ear_gussets, pockets, side_ribs
 from boltpose.factory.sites import RIM_MM, Body, Lug, lug_bodies
 from boltpose.factory.solids import CrossSection, Manifold, cylinder, hull, polar, union
 from boltpose.factory.spec import MotorSpec
@@ -30,6 +30,7 @@ def build_bracket(spec: MotorSpec, layout: Layout, lugs: Sequence[Lug]) -> list[
         nose.outer,
         *build_ribs(spec, layout),
         *ear_gussets(spec, layout),
+        *side_ribs(spec, layout),
         *_lever_housing(spec, layout),
         *lug_bodies(lugs, Body.BRACKET),
     ]
@@ -173,15 +174,46 @@ def _lever_housing(spec: MotorSpec, layout: Layout) -> list[Manifold]:
             )
         return shapes
     crest = max(layout.flange_front_z - 0.6, front + 3)
-    rise = front + 0.35 * (crest - front) + 3
-    near = 0.5 * (0.9 * spec.bracket.radius_mm + layout.shaft_xy[1])
-    hump = hull(
-        [
-            _dome_disc(0.74 * radius, (x, y), front - 2, rise),
-            _dome_disc(0.66 * radius, (0.5 * layout.shaft_xy[0], near), low, crest),
-        ]
-    )
-    return [*shapes, hump]
+    near = (0.5 * layout.shaft_xy[0], 0.5 * (0.9 * spec.bracket.radius_mm + layout.shaft_xy[1]))
+    match solenoid.lever_style:
+        case "slab":
+            rise = front + 0.35 * (crest - front) + 3
+            shapes.append(
+                hull(
+                    [
+                        _dome_disc(0.74 * radius, (x, y), front - 2, rise),
+                        _dome_disc(0.66 * radius, near, low, crest),
+                    ]
+                )
+            )
+        case "hump":
+            rise = front + min(0.55 * radius, max(crest - front, 4.0))
+            shapes.append(
+                hull(
+                    [
+                        _dome_disc(0.97 * radius, (x, y), front - 3, front + 0.3 * (rise - front)),
+                        _dome_disc(0.5 * radius, (x, y - 0.2 * radius), front - 1, rise),
+                        _dome_disc(0.62 * spec.bracket.radius_mm, near, low, crest),
+                    ]
+                )
+            )
+        case "ribbed":
+            middle = 0.5 * (front + min(crest, front + 6))
+            outline = joined(
+                [
+                    disc(0.9 * radius, (x, y)),
+                    bar((x, y), 0.42 * radius, layout.shaft_xy, 0.5 * spec.bracket.radius_mm),
+                    disc(0.8 * spec.bracket.radius_mm, layout.shaft_xy),
+                ],
+                fillet_mm=9,
+            )
+            shapes.append(plate(outline, low, middle, round_high_mm=1.5))
+            for shift in (-0.45, 0.0, 0.45):
+                dx = shift * radius
+                start, end = (x + dx, y + 0.3 * radius), (layout.shaft_xy[0] + dx, near[1])
+                rib = bar(start, 2.2, end, 2.8)
+                shapes.append(plate(rib, low, max(crest, middle + 2), round_high_mm=1.2))
+    return shapes
 
 
 def _dome_disc(radius_mm: float, xy: tuple[float, float], low_z: float, high_z: float) -> Manifold:

@@ -9,6 +9,7 @@ from boltpose.factory.build import build_motor
 from boltpose.factory.checks import BoltPlaceError
 from boltpose.factory.draw_bodies import draw_bodies
 from boltpose.factory.draw_bolts import draw_bolts
+from boltpose.factory.draw_extras import draw_extras
 from boltpose.factory.mirror import mirror_motor
 from boltpose.factory.model import MotorModel
 from boltpose.factory.plans import PLANS, FamilyPlan
@@ -45,7 +46,7 @@ def sample_model(rng: np.random.Generator, family: str | None = None) -> MotorMo
     for _ in range(_MAX_DRAWS):
         draw = np.random.default_rng(rng.integers(2**63))
         try:
-            spec = draw_bolts(draw, plan, draw_bodies(draw, plan))
+            spec = draw_extras(draw, draw_bolts(draw, plan, draw_bodies(draw, plan)))
             if draw.random() < _MIRRORED:
                 spec = mirror_motor(spec)
             return _build_without_misplaced(spec, plan)

@@ -32,6 +32,9 @@ def build_yoke(spec: MotorSpec, layout: Layout, lugs: Sequence[Lug]) -> list[Pie
     cuts += [_crimp(housing, rear, index) for index in range(housing.crimps)]
     if spec.rear_cap.style == "spider":
         cuts.append(cylinder(radius - _WALL_MM, rear - 1, rear + _OPEN_DEPTH * housing.length_mm))
+    if housing.seam_angle_deg is not None:
+        x, y = polar(radius - 0.6, housing.seam_angle_deg)
+        tube_body += cylinder(1.5, rear + 0.5, -0.5).translate((x, y, 0))
     body = _oval(housing, tube_body - union(cuts))
     if spec.rear_cap.style == "spider":
         body += _armature(spec, rear)

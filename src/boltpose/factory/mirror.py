@@ -13,7 +13,7 @@ def _turned(angle_deg: float) -> float:
 def mirror_motor(spec: MotorSpec) -> MotorSpec:
     """Mirror where everything sits at the yz-plane; bolts and teeth stay as they are."""
     housing, bracket, nose = spec.housing, spec.bracket, spec.bracket.nose
-    plate = housing.name_plate_angle_deg
+    plate, seam = housing.name_plate_angle_deg, housing.seam_angle_deg
     terminals = spec.terminals
     gearbox = spec.gearbox
     if gearbox is not None:
@@ -27,6 +27,7 @@ def mirror_motor(spec: MotorSpec) -> MotorSpec:
                 update={
                     "flats": tuple(_turned(angle) for angle in housing.flats),
                     "name_plate_angle_deg": None if plate is None else _turned(plate),
+                    "seam_angle_deg": None if seam is None else _turned(seam),
                 }
             ),
             "gearbox": gearbox,

@@ -9,10 +9,8 @@ from boltpose.factory.layout import Layout
 from boltpose.factory.solids import Manifold, cylinder
 from boltpose.factory.spec import MotorSpec
 
-_STRAIGHT = 0.4
-"""Share of the nose's length before it tapers."""
-_SHOULDER = 0.86
-"""Share of the nose's length at which the taper ends."""
+_TAPER = 0.77
+"""How much of what remains behind the straight part is tapered."""
 _FOOT_MM = 4.0
 _CLUTCH_PLAY_MM = 1.5
 
@@ -43,9 +41,17 @@ def room_radius_mm(spec: MotorSpec, layout: Layout, z: float) -> float:
     foot, tip = nose.radius_mm - nose.wall_mm, nose.tip_radius_mm - nose.wall_mm
     if nose.style == "stub":
         return foot
-    share = (z - layout.flange_front_z) / nose.length_mm
-    taper = min(max((share - _STRAIGHT) / (_SHOULDER - _STRAIGHT), 0.0), 1.0)
+    straight, shoulder = _taper_z(spec, layout)
+    taper = min(max((z - straight) / (shoulder - straight), 0.0), 1.0)
     return foot + taper * (tip - foot)
+
+
+def _taper_z(spec: MotorSpec, layout: Layout) -> tuple[float, float]:
+    """Where the taper begins and ends."""
+    nose = spec.bracket.nose
+    end = nose.straight + _TAPER * (1 - nose.straight)
+    foot = layout.flange_front_z
+    return foot + max(nose.straight * nose.length_mm, 0.5), foot + end * nose.length_mm
 
 
 def shape_nose(spec: MotorSpec, layout: Layout) -> NoseShape:
@@ -77,7 +83,7 @@ def _collar(spec: MotorSpec, layout: Layout) -> NoseShape:
 def _bell(spec: MotorSpec, layout: Layout) -> NoseShape:
     nose = spec.bracket.nose
     foot, front = layout.flange_front_z, layout.nose_front_z
-    straight, shoulder = foot + _STRAIGHT * nose.length_mm, foot + _SHOULDER * nose.length_mm
+    straight, shoulder = _taper_z(spec, layout)
     radius, tip, wall = nose.radius_mm, nose.tip_radius_mm, nose.wall_mm
     profile = [
         (0, foot - 2, 0),

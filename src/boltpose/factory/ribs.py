@@ -64,6 +64,20 @@ def build_ribs(spec: MotorSpec, layout: Layout) -> list[Manifold]:
     return [gusset(angle, layout.shaft_xy, shape, bracket.rib_mm) for angle in angles]
 
 
+def side_ribs(spec: MotorSpec, layout: Layout) -> list[Manifold]:
+    """Ribs along the body's side, from the joint to the flange."""
+    bracket = spec.bracket
+    low, high = layout.bracket_rear_z + 0.5, layout.flange_rear_z + 1
+    if bracket.side_ribs == 0 or high - low < 3:
+        return []
+    inner, outer = 0.8 * bracket.radius_mm, max(bracket.radius_mm + 2.6, 0.0)
+    shape = [(inner, low), (outer - 1, low), (outer, low + 1), (outer, high), (inner, high)]
+    return [
+        gusset(360 * (index + 0.25) / bracket.side_ribs, layout.shaft_xy, shape, bracket.rib_mm)
+        for index in range(bracket.side_ribs)
+    ]
+
+
 def ear_gussets(spec: MotorSpec, layout: Layout) -> list[Manifold]:
     """A rib behind each ear, from the body out to its boss."""
     bracket, (cx, cy) = spec.bracket, layout.shaft_xy

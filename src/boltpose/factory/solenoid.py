@@ -99,6 +99,13 @@ def _cap(solenoid: SolenoidSpec, layout: Layout) -> Manifold:
                     (0, high, 0),
                 ]
             )
+        case "square":
+            side = CrossSection.square((1.5 * radius, 1.5 * radius), True)
+            outline = joined([side], round_mm=3)
+            step = high - 0.35 * length
+            head = plate(outline, low, step + 1, round_low_mm=1.2)
+            foot = turned_eased([(0, step, 0), (radius, step, 1), (radius, high, 0), (0, high, 0)])
+            return head + foot
         case "d_shaped":
             cut = CrossSection.square((2.2 * radius, 2.2 * radius), True)
             outline = joined([disc(radius) ^ cut.translate((0, 0.45 * radius))], round_mm=2.5)

@@ -30,6 +30,8 @@ class HousingSpec(SpecModel):
     flats: tuple[float, ...] = ()
     """Polar angles of flats milled or pressed along the mantle."""
     flat_depth_mm: float = Field(default=1.5, ge=0, le=6)
+    seam_angle_deg: float | None = None
+    """Where a weld seam runs along the mantle; None for none."""
     name_plate_angle_deg: float | None = None
     """Where the name plate is; None for none."""
     name_plate_size_mm: tuple[float, float] = (45, 28)
@@ -98,6 +100,8 @@ class NoseSpec(SpecModel):
     radius_mm: float = Field(default=27, gt=12, lt=70)
     """At its foot."""
     tip_radius_mm: float = Field(default=19, gt=7, lt=60)
+    straight: float = Field(default=0.4, ge=0, le=0.8)
+    """Share of the length before it tapers from foot to tip."""
     wall_mm: float = Field(default=4.5, gt=1.5, lt=12)
     window_angle_deg: float = -90
     """Middle of the window, or of the open side."""
@@ -131,6 +135,8 @@ class BracketSpec(SpecModel):
     """Ribs between body and flange or nose."""
     rib_mm: float = Field(default=4, gt=1, lt=12)
     """Thickness of a rib."""
+    side_ribs: int = Field(default=0, ge=0, le=24)
+    """Ribs along the body's side, behind the flange."""
     pockets: int = Field(default=0, ge=0, le=8)
     """Casting pockets in the front face."""
     pilot_mm: float = Field(default=0, ge=0, lt=12)
@@ -157,9 +163,12 @@ class SolenoidSpec(SpecModel):
     cap_length_mm: float = Field(default=22, gt=3, lt=60)
     cap_radius_mm: float | None = Field(default=None, gt=6, lt=50)
     """None: a little less than the can."""
-    cap_style: Literal["round", "stepped", "d_shaped"] = "round"
+    cap_style: Literal["round", "stepped", "d_shaped", "square"] = "round"
     lever_housing: bool = True
     """A cast bridge over the shift lever between solenoid pad and nose; class connector."""
+    lever_style: Literal["slab", "hump", "ribbed"] = "slab"
+    """Shape of that bridge: `slab`: narrow with straight sides; `hump`: wide and rounded like a
+    bell; `ribbed`: a plate with ribs."""
     plunger_boot: bool = False
     """A rubber boot over the plunger in front of an open pad; class solenoid."""
     finish: Literal["painted_steel", "bare_steel", "zinc"] = "painted_steel"
