@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import FloatArray
-from boltpose.factory.build import build_motor
-from boltpose.factory.families import sample_motor
+from boltpose.factory.families import sample_model
 from boltpose.factory.model import MotorModel, bounds_mm
 from boltpose.factory.wear import wear_motor
 from boltpose.factory.wear_spec import WearSpec, sample_wear
@@ -25,8 +24,6 @@ from boltpose.synthesis.write import sample_name
 
 _SCAN_ORIGIN_MM = 200.0
 """Largest coordinate of the motor in the full scan's own, arbitrary frame."""
-_BETWEEN_MM = 2.0
-"""A stray point further than this from all surfaces belongs to none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -79,9 +76,9 @@ def scan_sampled_motor(settings: DataSetSettings, number: int, watch: Stopwatch)
 
     def draw(attempt: int) -> tuple[MotorModel, WearSpec | None, int]:
         with watch.stage("build"):
-            rng = generator(seed, number, Purpose.SPEC, attempt=attempt)
-            spec = sample_motor(rng, family).model_copy(update={"name": sample_name(number)})
-            model = build_motor(spec)
+            drawn = sample_model(generator(seed, number, Purpose.SPEC, attempt=attempt), family)
+            spec = drawn.spec.model_copy(update={"name": sample_name(number)})
+            model = replace(drawn, spec=spec)
         relief_seed = seed_of(seed, number, Purpose.WEAR_RELIEF, attempt=attempt)
         if not settings.with_wear:
             return model, None, relief_seed

@@ -85,6 +85,7 @@ def _view_truth(
         prior_from_motor=motor.prior_from_motor,
         camera_from_prior=view.camera_from_prior,
         base_from_camera=view.base_from_camera,
+        changes=[f"{change.kind}: {change.subject}" for change in view.changes],
         retries=view.retries,
     )
 

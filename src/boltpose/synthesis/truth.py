@@ -168,6 +168,7 @@ def view_truth(
     prior_from_motor: Transform,
     camera_from_prior: Transform,
     base_from_camera: Transform,
+    changes: Sequence[str] = (),
     retries: Sequence[str] = (),
 ) -> dict[str, Any]:
     """One view of `bolts.json`: every bolt of the scanned motor, seen or not.
@@ -181,6 +182,7 @@ def view_truth(
         prior_from_motor: Where the full scan has put the motor.
         camera_from_prior: True pose of the motor.
         base_from_camera: The robot's hand-eye.
+        changes: What has happened to the motor since its scan.
         retries: Draws of this view that could not be built.
 
     Returns:
@@ -213,6 +215,7 @@ def view_truth(
         "motor_pixels": int(np.count_nonzero(labels)),
         "valid_pixels": int(np.count_nonzero(is_valid)),
         "bolts": entries,
+        "changes": list(changes),
         "retries": list(retries),
     }
 

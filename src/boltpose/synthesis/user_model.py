@@ -17,6 +17,7 @@ from boltpose.errors import BoltposeError, ConfigError, InputFileError
 from boltpose.factory.spec import MotorSpec
 from boltpose.io.atomic import write_atomic
 from boltpose.io.guard import require_file
+from boltpose.synthesis.write import ply_bytes
 
 _WANTED = "a specification as `boltpose synth spec` writes it"
 _MAX_BYTES = 5_000_000
@@ -107,8 +108,10 @@ def write_model(spec: MotorSpec, folder: Path) -> WrittenModel:
     with tempfile.TemporaryDirectory(dir=folder, prefix=".", suffix=".part") as place:
         made = Path(place)
         export_model(model, made)
+        known = model_prior(model)
+        (made / f"{spec.name}.ply").write_bytes(ply_bytes(known.points, known.labels))
         prior = f"{spec.name}.prior.npz"
-        write_prior(made / prior, model_prior(model))
+        write_prior(made / prior, known)
         names = sorted(path.name for path in made.iterdir())
         for name in names:
             shutil.move(made / name, folder / name)

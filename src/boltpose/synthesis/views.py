@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from boltpose.errors import DegenerateGeometryError
-from boltpose.factory.changes import change_motor
+from boltpose.factory.changes import Change, ChangedMotor, draw_changes
 from boltpose.factory.model import MotorModel, SceneModel, TrueBolt
 from boltpose.factory.scene import place_motor
 from boltpose.factory.viewpoint import suggest_camera
@@ -48,6 +48,8 @@ class SampledView:
     camera_from_prior: Transform
     base_from_camera: Transform
     bolts: tuple[ViewBolt, ...]
+    changes: tuple[Change, ...]
+    """What has happened to the motor since its scan."""
     retries: tuple[str, ...]
 
 
@@ -64,15 +66,15 @@ def sample_view(
     def rng(purpose: Purpose, attempt: int) -> np.random.Generator:
         return generator(settings.seed, number, purpose, view=view, attempt=attempt)
 
-    def draw(attempt: int) -> tuple[MotorModel, SceneModel, Transform, CapturedView]:
+    def draw(attempt: int) -> tuple[ChangedMotor, SceneModel, Transform, CapturedView]:
         with watch.stage("change"):
-            changed = motor.model
+            changed = ChangedMotor(model=motor.model, changes=())
             if settings.with_changes:
-                changed = change_motor(motor.model, rng(Purpose.CHANGES, attempt))
+                changed = draw_changes(motor.model, rng(Purpose.CHANGES, attempt))
         with watch.stage("clamp"):
             # a design that does not fit this motor makes room for the next one
             clamp = settings.clamp_of(number, view + attempt)
-            scene = place_motor(changed, rng(Purpose.CLAMP, attempt), clamp)
+            scene = place_motor(changed.model, rng(Purpose.CLAMP, attempt), clamp)
             table_from_camera = suggest_camera(scene, rng(Purpose.CAMERA, attempt))
         with watch.stage("view"):
             sensor_rng = rng(Purpose.SENSOR, attempt)
@@ -88,7 +90,7 @@ def sample_view(
     changed, scene, table_from_camera, captured = drawn.result
     camera_from_motor = table_from_camera.inverse() @ scene.table_from_motor
     with watch.stage("truth"):
-        bolts = _look_at_bolts(motor.model, changed, scene, camera_from_motor, captured)
+        bolts = _look_at_bolts(motor.model, changed.model, scene, camera_from_motor, captured)
     base_from_table = _place_robot(rng(Purpose.BASE, 0))
     return SampledView(
         clamp_name=scene.clamp_name,
@@ -96,6 +98,7 @@ def sample_view(
         camera_from_prior=camera_from_motor @ motor.prior_from_motor.inverse(),
         base_from_camera=base_from_table @ table_from_camera,
         bolts=bolts,
+        changes=changed.changes,
         retries=drawn.retries,
     )
 
