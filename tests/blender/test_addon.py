@@ -8,13 +8,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from boltpose.factory.families import FAMILIES
+import yaml
 
 import boltpose.blender
 from boltpose.blender import scene_objects as keys
 from boltpose.blender.panel import PanelValues, model_of
-from boltpose.factory.model import MotorModel
+from boltpose.factory.families import FAMILIES
+from boltpose.factory.model import MotorModel, bounds_mm
 from boltpose.factory.spec import MotorSpec
+from boltpose.io.mesh import read_mesh
 from boltpose.schema import Part
 
 FAMILY = FAMILIES[0]
@@ -279,12 +281,35 @@ def test_export_writes_meshes_names_and_bolts(addon: None, tmp_path: Path) -> No
     model = model_of(PanelValues(family=FAMILY, seed=2))
     assert bpy.ops.export_scene.boltpose_motor(directory=str(tmp_path / "out")) == {"FINISHED"}
 
-    files = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"parts.yaml", "bolts.json", "spec.json"} <= files
-    assert MotorSpec.model_validate_json((tmp_path / "out" / "spec.json").read_text()) == model.spec
-    text = json.dumps(json.loads((tmp_path / "out" / "bolts.json").read_text()))
-    assert all(f'"{bolt.id}"' in text for bolt in model.bolts)
+    def path(suffix: str) -> Path:
+        return tmp_path / "out" / f"{model.spec.name}{suffix}"
+
+    assert MotorSpec.model_validate_json(path(".spec.json").read_text()) == model.spec
+    classes = yaml.safe_load(path(".parts.yaml").read_text())
+    assert classes == {solid.name: solid.part.name.lower() for solid in model.parts}
+    bolts = json.loads(path(".bolts.json").read_text())["bolts"]
+    assert [bolt["id"] for bolt in bolts] == [bolt.id for bolt in model.bolts]
+    for written, bolt in zip(bolts, model.bolts, strict=True):
+        frame = np.array(written["motor_from_bolt"])
+        np.testing.assert_allclose(frame, bolt.motor_from_bolt.matrix, atol=1e-4)
+    meshes = {mesh.name: mesh for mesh in read_mesh(path(".glb"))}
+    assert set(meshes) == {solid.name for solid in model.parts}
+    for solid in model.parts:
+        low, high = meshes[solid.name].vertices.min(axis=0), meshes[solid.name].vertices.max(axis=0)
+        np.testing.assert_allclose([low, high], bounds_mm([solid]), atol=1e-3)
+    (whole,) = read_mesh(path(".stl"))
+    corners = [whole.vertices.min(axis=0), whole.vertices.max(axis=0)]
+    np.testing.assert_allclose(corners, bounds_mm(model.parts), atol=1e-3)
     assert motor.name in bpy.data.objects
+
+
+def test_a_folder_that_cannot_be_written_is_refused_in_one_line(
+    addon: None, tmp_path: Path
+) -> None:
+    add(family=FAMILY)
+    (tmp_path / "file").write_text("not a folder")
+    with pytest.raises(RuntimeError, match="file"):
+        bpy.ops.export_scene.boltpose_motor(directory=str(tmp_path / "file"))
 
 
 def test_export_needs_a_motor(addon: None) -> None:

@@ -73,6 +73,7 @@ class ExportStarterMotor(bpy.types.Operator):
         """Write what the scene shows now."""
         folder = Path(bpy.path.abspath(self.directory))
         try:
+            folder.mkdir(parents=True, exist_ok=True)
             export_model(model_from(context, motor_of(context.object)), folder)
         except (BoltposeError, OSError) as error:
             self.report({"ERROR"}, str(error))

@@ -25,6 +25,7 @@ from boltpose.sensor.raycast import Hits, RayCaster
 
 ColorBy = Literal["material", "part"]
 
+_CENTRINGS = 6
 _LAMP_MM = 3000.0
 """How far the lights are: further than anything drawn."""
 _CREASE_COS = 0.6
@@ -95,15 +96,20 @@ def look_at(
     forward /= np.linalg.norm(forward)
     right /= np.linalg.norm(right)
     rotation = np.stack([right, np.cross(forward, right), forward], axis=1)
-    middle = bounds_mm(solids).mean(axis=0)
-    points = np.concatenate([solid.vertices for solid in solids]) - middle
-    seen = points @ rotation
+    eye = bounds_mm(solids).mean(axis=0)
+    points = np.concatenate([solid.vertices for solid in solids])
     focal = _focal_px(settings)
     half = np.array(settings.size_px) / 2
-    # every point must stay inside the frame: |x| f / (z + distance) <= half
-    needed = np.abs(seen[:, :2]) * focal / half - seen[:, 2:3]
-    distance = float(needed.max()) * margin
-    return Transform.from_parts("frame", "camera", rotation, middle - distance * forward)
+    retreat = 0.0
+    for _ in range(_CENTRINGS):
+        seen = (points - eye) @ rotation
+        # back off until every point is inside: |x| f / z <= half
+        retreat = float((np.abs(seen[:, :2]) * focal / half - seen[:, 2:3]).max()) * margin
+        # what is near looks large, so the middle of the picture is not the middle of the solids
+        flat = seen[:, :2] / (seen[:, 2:3] + retreat)
+        eye = eye + rotation[:, :2] @ (0.5 * (flat.max(axis=0) + flat.min(axis=0)) * retreat)
+    eye = eye - retreat * forward
+    return Transform.from_parts("frame", "camera", rotation, eye)
 
 
 def render_solids(
