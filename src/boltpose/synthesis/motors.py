@@ -31,8 +31,10 @@ class ScannedMotor:
     """A motor as it lay under the hand-held scanner."""
 
     number: int
+    fresh: MotorModel
+    """As it was built, with few triangles."""
     model: MotorModel
-    """Worn."""
+    """The same, worn: what scanners see."""
     wear: WearSpec | None
     """None: as new."""
     wear_seed: int
@@ -74,26 +76,27 @@ def scan_sampled_motor(settings: DataSetSettings, number: int, watch: Stopwatch)
     seed = settings.seed
     family = settings.family_of(number)
 
-    def draw(attempt: int) -> tuple[MotorModel, WearSpec | None, int]:
+    def draw(attempt: int) -> tuple[MotorModel, MotorModel, WearSpec | None, int]:
         with watch.stage("build"):
             drawn = sample_model(generator(seed, number, Purpose.SPEC, attempt=attempt), family)
             spec = drawn.spec.model_copy(update={"name": sample_name(number)})
             model = replace(drawn, spec=spec)
         relief_seed = seed_of(seed, number, Purpose.WEAR_RELIEF, attempt=attempt)
         if not settings.with_wear:
-            return model, None, relief_seed
+            return model, model, None, relief_seed
         with watch.stage("wear"):
             wear = sample_wear(generator(seed, number, Purpose.WEAR, attempt=attempt))
-            return wear_motor(model, wear, relief_seed), wear, relief_seed
+            return model, wear_motor(model, wear, relief_seed), wear, relief_seed
 
     drawn = draw_until_built(sample_name(number), draw)
-    model, wear, relief_seed = drawn.result
+    fresh, model, wear, relief_seed = drawn.result
     rng = generator(seed, number, Purpose.SCAN)
     config: HandHeldConfig = sample_hand_held(rng)
     with watch.stage("scan"):
         scan = scan_motor(model.parts, config, rng)
     return ScannedMotor(
         number=number,
+        fresh=fresh,
         model=model,
         wear=wear,
         wear_seed=relief_seed,
