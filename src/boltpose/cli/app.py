@@ -19,6 +19,7 @@ from boltpose.cli import (
     prior_show,
     synth,
     synth_model,
+    synth_pictures,
     synth_sets,
     train,
 )
@@ -52,6 +53,7 @@ synth_app.command("model")(synth_model.synth_model)
 synth_app.command("spec")(synth_model.synth_spec)
 synth_app.command("families")(synth_model.synth_families)
 synth_app.command("preview")(synth_sets.synth_preview)
+synth_app.command("pictures")(synth_pictures.synth_pictures)
 synth_app.command("card")(synth_sets.synth_card)
 synth_app.command("compare")(synth_sets.synth_compare)
 

@@ -15,7 +15,7 @@ from boltpose.factory.model import MotorModel, SceneModel, SolidPart, bounds_mm
 from boltpose.factory.scene import CLAMPS, place_motor
 from boltpose.factory.viewpoint import suggest_camera
 from boltpose.factory.wear import wear_motor
-from boltpose.factory.wear_spec import sample_wear
+from boltpose.factory.wear_spec import WearSpec
 from boltpose.geometry.transforms import Transform
 from boltpose.picture.paint import part_tints
 from boltpose.schema import Part
@@ -36,6 +36,26 @@ _FRONT = (-1.2, 0.5, 0.9)
 _REAR = (-1.2, 0.6, -1.0)
 _PER_SHEET = 6
 _DISTANCE_MM = 700.0
+_MAKING_FAMILY = "direct_open"
+"""Its pinion can be seen."""
+_WORST = WearSpec(
+    roughness_mm=0.04,
+    rust_mm=0.26,
+    rust_share=0.75,
+    dirt_mm=0.8,
+    dirt_share=0.3,
+    dents=5,
+    dent_mm=1.5,
+    dent_radius_mm=14,
+    chips=8,
+    chip_mm=3.5,
+    grease=4,
+    grease_mm=9,
+    clogged_share=0.7,
+    clogged=1,
+    corner_wear=0.45,
+)
+"""The upper ends of what `sample_wear` draws."""
 _ATTEMPTS = 12
 """Motors tried for a clamp; not every motor fits every clamp."""
 
@@ -124,8 +144,8 @@ def _variation(folder: Path, seed: int) -> list[Path]:
 
 def _making(folder: Path, seed: int) -> list[Path]:
     """Class by class, all from one place."""
-    model = _motor(FAMILIES[0], seed)
-    pose = look_at(model.parts, _REAR, config=RenderConfig(size_px=_TILE_PX))
+    model = _motor(_MAKING_FAMILY, seed)
+    pose = look_at(model.parts, _FRONT, config=RenderConfig(size_px=_TILE_PX))
     shown: list[SolidPart] = []
     tiles: list[Tile] = []
     for part in list(Part)[1:]:
@@ -136,13 +156,15 @@ def _making(folder: Path, seed: int) -> list[Path]:
 
 
 def _wear(folder: Path, seed: int) -> list[Path]:
-    """New and worn."""
-    tiles: list[Tile] = []
-    for family in FAMILIES[:2]:
-        new = _motor(family, seed)
-        worn = wear_motor(new, sample_wear(np.random.default_rng(seed + 3)), seed)
-        tiles += [_draw(new.parts, f"{family}, new"), _draw(worn.parts, "worn")]
-    return [write_jpeg(folder / "wear.jpg", sheet(tiles, 4))]
+    """New, as most are, and as bad as it gets."""
+    new = _motor(_MAKING_FAMILY, seed)
+    rows: list[Tile] = []
+    for direction in (_FRONT, _REAR):
+        pose = look_at(new.parts, direction, config=RenderConfig(size_px=_TILE_PX))
+        for caption, wear in (("new", None), ("used", WearSpec()), ("from a field", _WORST)):
+            model = new if wear is None else wear_motor(new, wear, seed)
+            rows.append(_draw(model.parts, caption, frame_from_camera=pose))
+    return [write_jpeg(folder / "wear.jpg", sheet(rows, 3))]
 
 
 def _clamps(folder: Path, seed: int) -> list[Path]:

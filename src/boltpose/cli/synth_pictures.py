@@ -1,0 +1,37 @@
+"""`boltpose synth pictures`: the pictures of the documentation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from boltpose.cli.console import answer_console, note_console
+from boltpose.errors import InputFileError
+
+
+def synth_pictures(
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the pictures.")
+    ],
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Another seed, other motors.")] = 0,
+    only: Annotated[
+        str | None,
+        typer.Option("--only", metavar="A,B", help="Only these, for example `families,camera`."),
+    ] = None,
+) -> None:
+    """Draw every family, clamp design and sensor effect; some minutes."""
+    if output.exists() and not output.is_dir():
+        raise InputFileError(output, "a file", "a folder for the pictures")
+
+    from boltpose.synthesis.pictures import write_pictures
+
+    notes = note_console()
+
+    def report(path: Path) -> None:
+        notes.print(f"wrote {path}", soft_wrap=True)
+
+    names = tuple(name.strip() for name in only.split(",")) if only else ()
+    written = write_pictures(output, seed=seed, only=names, report=report)
+    answer_console().print(f"{len(written)} pictures in {output}", soft_wrap=True)
