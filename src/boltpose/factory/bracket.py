@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from boltpose.factory.castings import bar, disc, joined, plate, turned_eased
@@ -32,9 +33,10 @@ def build_bracket(spec: MotorSpec, layout: Layout, lugs: Sequence[Lug]) -> list[
         *ear_gussets(spec, layout),
         *side_ribs(spec, layout),
         *_lever_housing(spec, layout),
-        *lug_bodies(lugs, Body.BRACKET),
     ]
-    body = union(grown) - union([nose.cut, *pockets(spec, layout), *_ear_holes(spec, layout)])
+    # lugs come after the pockets, so that every head has its seat
+    body = union(grown) - union(pockets(spec, layout)) + union(lug_bodies(lugs, Body.BRACKET))
+    body -= union([nose.cut, *_ear_holes(spec, layout)])
     return [
         Piece(
             name="connector_bracket",
@@ -157,11 +159,12 @@ def _lever_housing(spec: MotorSpec, layout: Layout) -> list[Manifold]:
         plate(disc(radius, (x, y)), back, front, round_low_mm=0.6, round_high_mm=1.5, draft_deg=2)
     ]
     high = max(front, min(layout.flange_front_z, front + 4))
-    if high - low > 2:
+    beside = math.hypot(x - layout.shaft_xy[0], y - layout.shaft_xy[1]) > radius
+    if high - low > 2 and beside:
         neck = bar((x, y), 0.78 * radius, layout.shaft_xy, foot)
         shapes.append(plate(neck, low, min(front, high), round_low_mm=2, round_high_mm=2))
     if not solenoid.lever_housing:
-        if not solenoid.plunger_boot:
+        if not solenoid.plunger_boot and beside:
             shapes.append(
                 turned_eased(
                     [

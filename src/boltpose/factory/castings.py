@@ -1,4 +1,4 @@
-"""What makes a shape look cast or pressed: outlines with rounded corners, plates with rounded edges.
+"""Shapes that look cast or pressed: outlines with rounded corners, plates with rounded edges.
 
 Outlines are `CrossSection`s in the xy-plane, mm.
 """

@@ -37,14 +37,28 @@ class SeatedBolt(Protocol):
     """What the checks need of a placed bolt."""
 
     @property
-    def spec(self) -> BoltSpec: ...
+    def spec(self) -> BoltSpec:
+        """How it was asked for."""
+        ...
+
     @property
-    def index(self) -> int: ...
+    def index(self) -> int:
+        """Of its specification."""
+        ...
+
     @property
-    def solid(self) -> BoltSolid: ...
+    def solid(self) -> BoltSolid:
+        """Its body and sizes."""
+        ...
+
     @property
-    def seat(self) -> Seat: ...
-    def place(self, body: Manifold) -> Manifold: ...
+    def seat(self) -> Seat:
+        """Where it sits."""
+        ...
+
+    def place(self, body: Manifold) -> Manifold:
+        """Move a body from frame `bolt` to frame `build`."""
+        ...
 
 
 def check_layout(spec: MotorSpec, layout: Layout) -> None:

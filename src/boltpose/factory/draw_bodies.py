@@ -123,13 +123,15 @@ def _nose(rng: np.random.Generator, plan: FamilyPlan, gear: GearSpec) -> NoseSpe
     front = min(max(front, gear.shaft_radius_mm + wall + 3), radius)
     needed = gear.gap_mm + gear.clutch_length_mm + gear.width_mm + 1.1 * wall
     length = needed + between(rng, 3, 16, 1)
+    # the clutch needs the full width up to where the pinion starts
+    straight = min((gear.gap_mm + gear.clutch_length_mm) / length + 0.01, 0.8)
     is_open = style == "open"
     return NoseSpec(
         style="open" if is_open else "closed",
         length_mm=round(length, 1),
         radius_mm=round(radius, 1),
         tip_radius_mm=round(front, 1),
-        straight=between(rng, 0.05, 0.65),
+        straight=round(max(straight, between(rng, 0.05, 0.65)), 3),
         wall_mm=wall,
         window_angle_deg=between(rng, -125, -55, 1),
         window_width_deg=between(rng, 150, 235, 1) if is_open else between(rng, 70, 160, 1),
@@ -235,7 +237,7 @@ def _bracket(
         radius_mm=round(body, 1),
         body_length_mm=round(body_length, 1),
         flange_mm=round(flange_mm, 1),
-        flange_style=style,  # type: ignore[arg-type]
+        flange_style=style,
         flange_radius_mm=round(flange_radius, 1),
         ears=_ears(rng, plan, flange_radius, centre, solenoid),
         ribs=one_of(rng, (0, 4, 6, 8, 10)),
@@ -263,7 +265,7 @@ def _ears(
         start, spread = -25.0, -46.0  # all four below
     size = flange_radius_mm * between(rng, 0.25, 0.36)
     hole = one_of(rng, (8.5, 9, 10.5, 11, 12.5, 13))
-    size = min(max(size, hole / 2 + 4), 29.0)
+    size = min(max(size, hole / 2 + 4), 27.0)
     ears: list[EarSpec] = []
     for index in range(count):
         angle = start - index * spread + between(rng, -8, 8, 1)
@@ -318,7 +320,7 @@ def _rear_cap(rng: np.random.Generator, plan: FamilyPlan, housing: HousingSpec) 
     )
     own_radius = radius + between(rng, -1.2, 2.0, 1)
     return RearCapSpec(
-        style=style,  # type: ignore[arg-type]
+        style=style,
         length_mm=round(length, 1),
         radius_mm=round(own_radius, 1) if happens(rng, 0.7) else None,
         hub_radius_mm=round(radius * between(rng, 0.2, 0.36), 1),

@@ -74,11 +74,11 @@ def draw_bolts(rng: np.random.Generator, plan: FamilyPlan, spec: MotorSpec) -> M
     if spec.solenoid is not None:
         _solenoid_mount(draw)
         groups.append(_solenoid_cap_screws)
+    wanted = max(whole(rng, *plan.bolts), len(draw.bolts))
     for index in rng.permutation(len(groups)):
-        groups[int(index)](draw)
-    wanted = whole(rng, *plan.bolts)
-    kept = draw.bolts[:wanted] if len(draw.bolts) > wanted else draw.bolts
-    return spec.model_copy(update={"bolts": tuple(_used(draw, bolt) for bolt in kept)})
+        if len(draw.bolts) < wanted:
+            groups[int(index)](draw)
+    return spec.model_copy(update={"bolts": tuple(_used(draw, bolt) for bolt in draw.bolts)})
 
 
 def _used(draw: _Draw, bolt: BoltSpec) -> BoltSpec:
@@ -124,7 +124,7 @@ def _reserve_terminals(draw: _Draw) -> None:
     terminals, origin = draw.spec.terminals, draw.layout.terminal_xy
     for index, stud in enumerate(terminals.studs):
         has_cable = terminals.cable is not None and terminals.cable.stud == index
-        size = 1.25 * stud.thread_mm + (3 if has_cable else 0)
+        size = 1.25 * stud.thread_mm + (3 if has_cable else 0.5)
         draw.bottom.take(stud.radius_mm, stud.angle_deg, size, origin)
     if terminals.plug is not None and not terminals.plug.on_side:
         size = 0.6 * max(terminals.plug.size_mm[:2])
@@ -305,7 +305,7 @@ def _nose_screws(draw: _Draw) -> None:
     """Small screws in the front of a closed nose, where it is wide enough."""
     rng, spec = draw.rng, draw.spec
     nose = spec.bracket.nose
-    if nose.style != "closed" or not happens(rng, 0.3):
+    if nose.style != "closed" or not happens(rng, 0.6):
         return
     kind = _kind(draw, 4)
     head = draw.head_mm(_bolt(kind, site=Site.NOSE_FRONT, radius_mm=1, angle_deg=0))
@@ -335,10 +335,8 @@ def _solenoid_mount(draw: _Draw) -> None:
     head = draw.head_mm(_bolt(kind, site=Site.SOLENOID_FRONT, radius_mm=1, angle_deg=0))
     tilt = between(rng, -14, 40, 1)
     angles = [tilt, 180 - tilt] + ([90.0] if happens(rng, 0.35) else [])
-    if solenoid.flange_radius_mm is not None and happens(rng, 0.6):
-        site, reach = Site.SOLENOID_REAR, solenoid.radius_mm + head + between(rng, 0.8, 2.5)
-        shank = solenoid.flange_mm + 0.7 * solenoid.pad_mm
-    elif draw.plan.gear_train == "coaxial":
+    has_flange = solenoid.flange_radius_mm is not None and happens(rng, 0.6)
+    if has_flange or draw.plan.gear_train == "coaxial":
         site, reach = Site.SOLENOID_REAR, solenoid.radius_mm + head + between(rng, 0.8, 2.5)
         shank = solenoid.flange_mm + 0.7 * solenoid.pad_mm
     else:
@@ -374,6 +372,18 @@ def _solenoid_cap_screws(draw: _Draw) -> None:
     if reach < 6:
         return
     depth = min(solenoid.cap_length_mm - 3, 14.0)
+    count = whole(rng, 2, 4)
+    origin = draw.layout.solenoid_xy
+    starts = [between(rng, 0, 360, 1) for _ in range(12)]
+    # the turn that leaves most of the screws clear of studs and plug
+    clear = [
+        sum(
+            draw.bottom.is_free(reach, start + 360 * index / count, head + _AIR_MM + 1, origin)
+            for index in range(count)
+        )
+        for start in starts
+    ]
+    start = starts[clear.index(max(clear))]
     draw.add(
         [
             _bolt(
@@ -384,6 +394,6 @@ def _solenoid_cap_screws(draw: _Draw) -> None:
                 shank_mm=round(max(depth, 3.0), 1),
                 recess_mm=between(rng, 0.5, 3, 1) if happens(rng, 0.4) else 0.0,
             )
-            for angle in _ring(draw, whole(rng, 2, 4), between(rng, 0, 180, 1), 10)
+            for angle in _ring(draw, count, start, 2)
         ]
     )

@@ -52,10 +52,23 @@ class Room:
         origin: tuple[float, float] = (0, 0),
     ) -> bool:
         """Take a disc if it is free; tell whether it was."""
+        if not self.is_free(radius_mm, angle_deg, size_mm, origin):
+            return False
+        x, y = polar(radius_mm, angle_deg)
+        self._taken.append((x + origin[0], y + origin[1], size_mm))
+        return True
+
+    def is_free(
+        self,
+        radius_mm: float,
+        angle_deg: float,
+        size_mm: float,
+        origin: tuple[float, float] = (0, 0),
+    ) -> bool:
+        """Whether a disc is free."""
         x, y = polar(radius_mm, angle_deg)
         x, y = x + origin[0], y + origin[1]
-        for other_x, other_y, other_size in self._taken:
-            if math.hypot(x - other_x, y - other_y) < size_mm + other_size:
-                return False
-        self._taken.append((x, y, size_mm))
-        return True
+        return all(
+            math.hypot(x - other_x, y - other_y) >= size_mm + other_size
+            for other_x, other_y, other_size in self._taken
+        )

@@ -12,7 +12,7 @@ from boltpose.factory.draw_bolts import draw_bolts
 from boltpose.factory.draw_extras import draw_extras
 from boltpose.factory.mirror import mirror_motor
 from boltpose.factory.model import MotorModel
-from boltpose.factory.plans import PLANS, FamilyPlan
+from boltpose.factory.plans import PLANS
 from boltpose.factory.spec import MotorSpec
 
 FAMILIES: tuple[str, ...] = tuple(plan.name for plan in PLANS)
@@ -20,6 +20,7 @@ FAMILIES: tuple[str, ...] = tuple(plan.name for plan in PLANS)
 
 _MIRRORED = 0.5
 _MAX_DRAWS = 60
+_MIN_BOLTS = 4
 
 
 def sample_motor(rng: np.random.Generator, family: str | None = None) -> MotorSpec:
@@ -49,13 +50,13 @@ def sample_model(rng: np.random.Generator, family: str | None = None) -> MotorMo
             spec = draw_extras(draw, draw_bolts(draw, plan, draw_bodies(draw, plan)))
             if draw.random() < _MIRRORED:
                 spec = mirror_motor(spec)
-            return _build_without_misplaced(spec, plan)
+            return _build_without_misplaced(spec)
         except ConfigError as error:
             refusal = str(error)
     raise ConfigError(f"no motor of family {family} in {_MAX_DRAWS} draws, the last: {refusal}")
 
 
-def _build_without_misplaced(spec: MotorSpec, plan: FamilyPlan) -> MotorModel:
+def _build_without_misplaced(spec: MotorSpec) -> MotorModel:
     """Build a motor, leaving out bolts that cannot be where they were drawn."""
     while True:
         try:
@@ -65,6 +66,6 @@ def _build_without_misplaced(spec: MotorSpec, plan: FamilyPlan) -> MotorModel:
             del bolts[error.index]
             spec = spec.model_copy(update={"bolts": tuple(bolts)})
             continue
-        if len(model.bolts) < plan.bolts[0]:
+        if len(model.bolts) < _MIN_BOLTS:
             raise ConfigError(f"only {len(model.bolts)} bolts")
         return model

@@ -11,6 +11,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 Range = tuple[float, float]
+NoseStyle = Literal["closed", "open", "stub"]
+FlangeStyle = Literal["ears", "round", "polygon"]
+CapStyle = Literal["flat", "domed", "stepped", "spider"]
+Thread = Literal[4, 5, 6, 8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,13 +28,13 @@ class FamilyPlan:
     """Length of the yoke in radii."""
     gear_train: Literal["direct", "planetary", "offset", "coaxial"] = "direct"
     """`coaxial`: an offset gear whose pinion stands in front of the solenoid."""
-    nose: tuple[str, ...] = ("closed",)
-    flange: tuple[str, ...] = ("ears", "round", "polygon")
+    nose: tuple[NoseStyle, ...] = ("closed",)
+    flange: tuple[FlangeStyle, ...] = ("ears", "round", "polygon")
     ears: tuple[int, ...] = (2, 3)
     solenoid: Literal["none", "short", "normal", "long"] = "normal"
     has_lever_housing: float = 1.0
     """Probability; without it there is a boot or a plain pad."""
-    caps: tuple[str, ...] = ("flat", "domed", "stepped")
+    caps: tuple[CapStyle, ...] = ("flat", "domed", "stepped")
     module_mm: Range = (2.0, 2.6)
     teeth: tuple[int, int] = (8, 11)
     nose_aspect: Range = (1.5, 2.1)
@@ -38,7 +42,7 @@ class FamilyPlan:
     bracket_aspect: Range = (0.55, 0.95)
     """Length of the bracket's body in radii of the yoke."""
     bolts: tuple[int, int] = (5, 11)
-    threads: tuple[int, ...] = (4, 5, 6)
+    threads: tuple[Thread, ...] = (4, 5, 6)
     outer_through_bolts: float = 0.25
     """Probability that long bolts run outside the yoke."""
     is_cast_iron: float = 0.1
@@ -211,7 +215,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         solenoid="none",
         ears=(2, 3),
         flange=("round", "ears"),
-        caps=("flat", "stepped", "spider"),
         nose_aspect=(0.3, 0.8),
         free_gap_mm=(14, 34),
         bolts=(4, 9),

@@ -205,7 +205,10 @@ def find_lugs(
         case Site.SOLENOID_REAR:
             found.append(lug(Body.SOLENOID_CAN, wide, seat.surface_z, layout.solenoid_front_z))
             reach = min(max(end_z, layout.solenoid_front_z + 3), layout.pad_front_z)
-            found.append(lug(Body.BRACKET, wide, layout.solenoid_front_z, reach))
+            if reach <= layout.bracket_rear_z:  # an offset gear's solenoid stands on its ring
+                found.append(lug(Body.GEARBOX, wide, layout.solenoid_front_z, reach))
+            else:
+                found.append(lug(Body.BRACKET, wide, layout.solenoid_front_z, reach))
         case Site.SOLENOID_CAP:
             found.append(lug(Body.SOLENOID_CAP, wide, seat.surface_z, layout.can_rear_z))
             if end_z > layout.can_rear_z:
