@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError, DegenerateGeometryError
 from boltpose.factory.build import build_motor
 from boltpose.factory.families import FAMILIES, sample_motor
-from boltpose.factory.model import MotorModel, SceneModel, SolidPart, bounds_mm
+from boltpose.factory.model import MotorModel, SceneModel, SolidPart
 from boltpose.factory.scene import CLAMPS, place_motor
 from boltpose.factory.viewpoint import suggest_camera
 from boltpose.factory.wear import wear_motor
@@ -22,19 +21,24 @@ from boltpose.schema import Part
 from boltpose.sensor.hand_held import scan_motor
 from boltpose.sensor.hand_held_config import HandHeldConfig
 from boltpose.sensor.raycast import RayCaster
+from boltpose.sensor.structured_light import capture_view
 from boltpose.synthesis.render import RenderConfig, look_at, render_solids
 from boltpose.synthesis.sensor_pictures import (
     camera_effects,
     draw_cloud,
     draw_effect,
+    error_map,
     hand_held_tiles,
+    ideal_camera,
 )
 from boltpose.synthesis.tiles import Tile, sheet, write_jpeg
 
 _TILE_PX = (420, 360)
 _FRONT = (-1.2, 0.5, 0.9)
 _REAR = (-1.2, 0.6, -1.0)
+_CLAMP_VIEW = (0.9, -1.1, 1.0)
 _PER_SHEET = 6
+_SURROUNDINGS = ("background_base", "background_table", "background_clutter")
 _DISTANCE_MM = 700.0
 _MAKING_FAMILY = "direct_open"
 """Its pinion can be seen."""
@@ -56,6 +60,7 @@ _WORST = WearSpec(
     corner_wear=0.45,
 )
 """The upper ends of what `sample_wear` draws."""
+_RELIEF_MM = 0.5
 _ATTEMPTS = 12
 """Motors tried for a clamp; not every motor fits every clamp."""
 
@@ -156,15 +161,20 @@ def _making(folder: Path, seed: int) -> list[Path]:
 
 
 def _wear(folder: Path, seed: int) -> list[Path]:
-    """New, as most are, and as bad as it gets."""
+    """New, as most are and as bad as it gets; and how far the surface moved."""
     new = _motor(_MAKING_FAMILY, seed)
-    rows: list[Tile] = []
-    for direction in (_FRONT, _REAR):
-        pose = look_at(new.parts, direction, config=RenderConfig(size_px=_TILE_PX))
-        for caption, wear in (("new", None), ("used", WearSpec()), ("from a field", _WORST)):
-            model = new if wear is None else wear_motor(new, wear, seed)
-            rows.append(_draw(model.parts, caption, frame_from_camera=pose))
-    return [write_jpeg(folder / "wear.jpg", sheet(rows, 3))]
+    pose = look_at(new.parts, _FRONT, config=RenderConfig(size_px=_TILE_PX))
+    config = ideal_camera(_TILE_PX)
+    rng = np.random.default_rng(seed)  # an ideal camera draws nothing
+    before = capture_view(new.parts, pose, config, rng)
+    drawn = [_draw(new.parts, "new", frame_from_camera=pose)]
+    moved = [Tile(error_map(before, before, _RELIEF_MM), f"relief, colour: ±{_RELIEF_MM:g} mm")]
+    for caption, wear in (("used", WearSpec()), ("from a field", _WORST)):
+        worn = wear_motor(new, wear, seed)
+        drawn.append(_draw(worn.parts, caption, frame_from_camera=pose))
+        after = capture_view(worn.parts, pose, config, rng)
+        moved.append(Tile(error_map(after, before, _RELIEF_MM), "blue: grown, red: gone"))
+    return [write_jpeg(folder / "wear.jpg", sheet([*drawn, *moved], 3))]
 
 
 def _clamps(folder: Path, seed: int) -> list[Path]:
@@ -172,12 +182,12 @@ def _clamps(folder: Path, seed: int) -> list[Path]:
     tiles: list[Tile] = []
     for number, clamp in enumerate(CLAMPS):
         scene = clamped(clamp, seed + number)
-        tiles.append(_draw(near_motor(scene), clamp, (0.9, -1.1, 1.0)))
-    half = -(-len(tiles) // 2)
+        held = [solid for solid in scene.solids if not solid.name.startswith(_SURROUNDINGS)]
+        pose = look_at(held, _CLAMP_VIEW, config=RenderConfig(size_px=_TILE_PX))
+        tiles.append(_draw(scene.solids, clamp.replace("_", " "), frame_from_camera=pose))
     return [
-        write_jpeg(folder / f"clamps_{number}.jpg", sheet(some, 3))
-        for number, some in enumerate((tiles[:half], tiles[half:]), start=1)
-        if some
+        write_jpeg(folder / f"clamps_{number}.jpg", sheet(tiles[start : start + _PER_SHEET], 3))
+        for number, start in enumerate(range(0, len(tiles), _PER_SHEET), start=1)
     ]
 
 
@@ -195,18 +205,6 @@ def clamped(clamp: str, seed: int) -> SceneModel:
         except DegenerateGeometryError:
             continue
     return place_motor(build_motor(sample_motor(rng)), rng, clamp)
-
-
-def near_motor(scene: SceneModel) -> list[SolidPart]:
-    """The motor and what stands close to it: tables and clutter reach far."""
-    motor = [solid for solid in scene.solids if solid.part != Part.BACKGROUND]
-    reach = 1.2 * float(np.ptp(bounds_mm(motor), axis=0).max())
-    middle = bounds_mm(motor).mean(axis=0)
-
-    def is_near(corners: FloatArray) -> bool:
-        return bool((np.abs(corners - middle)[:, :2] < reach).all())
-
-    return [solid for solid in scene.solids if is_near(bounds_mm([solid]))]
 
 
 def _camera(folder: Path, seed: int) -> list[Path]:

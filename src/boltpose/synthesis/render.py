@@ -98,7 +98,7 @@ def look_at(
     rotation = np.stack([right, np.cross(forward, right), forward], axis=1)
     eye = bounds_mm(solids).mean(axis=0)
     points = np.concatenate([solid.vertices for solid in solids])
-    focal = _focal_px(settings)
+    focal = focal_px(settings)
     half = np.array(settings.size_px) / 2
     retreat = 0.0
     for _ in range(_CENTRINGS):
@@ -158,8 +158,8 @@ def render_solids(
     return _develop(settings, hits, light)
 
 
-def _focal_px(config: RenderConfig) -> float:
-    """Focal length in pixels."""
+def focal_px(config: RenderConfig) -> float:
+    """Focal length of a picture's camera, in pixels."""
     return max(config.size_px) / 2 / math.tan(math.radians(config.field_of_view_deg) / 2)
 
 
@@ -170,7 +170,7 @@ def _primary_rays(config: RenderConfig, frame_from_camera: Transform) -> FloatAr
     columns = (np.arange(width * steps) + 0.5) / steps - width / 2
     rows = (np.arange(height * steps) + 0.5) / steps - height / 2
     x, y = np.meshgrid(columns, rows)
-    directions = np.stack([x, y, np.full_like(x, _focal_px(config))], axis=-1).reshape(-1, 3)
+    directions = np.stack([x, y, np.full_like(x, focal_px(config))], axis=-1).reshape(-1, 3)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     return frame_from_camera.rotate(directions)
 

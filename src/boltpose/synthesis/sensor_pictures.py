@@ -20,6 +20,7 @@ from boltpose.sensor.raycast import RayCaster
 from boltpose.sensor.reflectance import Finish
 from boltpose.sensor.structured_light import CapturedView, capture_view
 from boltpose.sensor.structured_light_config import StructuredLightConfig
+from boltpose.synthesis.render import RenderConfig, focal_px
 from boltpose.synthesis.surface_error import signed_errors_mm
 from boltpose.synthesis.tiles import Tile
 
@@ -69,6 +70,14 @@ def quiet_camera() -> StructuredLightConfig:
         min_neighbours=0,
         finish=Finish(spread=0, stains=0, rust_share=0),
     )
+
+
+def ideal_camera(size_px: tuple[int, int]) -> StructuredLightConfig:
+    """A camera with the field of view of rendered pictures that sees everything, without error."""
+    camera = PinholeCamera(
+        width=size_px[0], height=size_px[1], focal_px=focal_px(RenderConfig(size_px=size_px))
+    )
+    return replace(quiet_camera(), camera=camera, baseline_mm=0, is_ideal=True)
 
 
 def camera_effects() -> tuple[Effect, ...]:
