@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from boltpose.synthesis.run import MakeSample
@@ -131,17 +132,22 @@ def _run(
         from boltpose.synthesis.cluster import run_on_cluster
 
         run_tasks = partial(run_on_cluster, address=cluster)
-    with SampleProgress(str(settings.kind)) as progress:
-        done = run_data_set(
-            output,
-            settings,
-            count,
-            make,
-            run_tasks,
-            on_start=progress.start,
-            on_sample=progress.advance,
-        )
     notes = note_console()
+    progress = SampleProgress(str(settings.kind))
+    try:
+        with progress:
+            done = run_data_set(
+                output,
+                settings,
+                count,
+                make,
+                run_tasks,
+                on_start=progress.start,
+                on_sample=progress.advance,
+            )
+    except KeyboardInterrupt:
+        notes.print("boltpose: interrupted; whole motors are kept, the same command goes on")
+        raise typer.Exit(ExitCode.INTERRUPTED) from None
     if preview:
         from boltpose.synthesis.preview import write_previews
 

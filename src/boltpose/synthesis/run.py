@@ -122,9 +122,7 @@ def run_local(task: Task, numbers: Sequence[int], *, workers: int = 1) -> Genera
         raise ConfigError(f"workers must be >= 1, got {workers}")
     if workers == 1:
         for number in numbers:
-            with threadpool_limits(limits=1):
-                sample = task(number)
-            yield sample
+            yield run_single_threaded(task, number)
         return
     yield from _run_processes(task, numbers, workers)
 
@@ -143,7 +141,7 @@ def _run_processes(task: Task, numbers: Sequence[int], workers: int) -> Generato
         while True:
             # few at a time: results wait in memory until they are written
             while len(running) < 2 * workers and (number := next(waiting, None)) is not None:
-                running.add(pool.submit(_run_single_threaded, task, number))
+                running.add(pool.submit(run_single_threaded, task, number))
             if not running:
                 return
             done, running = wait(running, return_when=FIRST_COMPLETED)
@@ -163,6 +161,7 @@ def _start_worker() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _run_single_threaded(task: Task, number: int) -> Sample:
+def run_single_threaded(task: Task, number: int) -> Sample:
+    """Run a task with one thread for linear algebra: the processes share the cores."""
     with threadpool_limits(limits=1):
         return task(number)
