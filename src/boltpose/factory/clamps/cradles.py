@@ -18,7 +18,7 @@ from boltpose.factory.clamps.assembly import (
 from boltpose.factory.clamps.fasteners import bevelled_box, hex_screw, nut_on_stud, socket_screw
 from boltpose.factory.clamps.v_blocks import along_x, lay_down, stations
 from boltpose.factory.clamps.wedge import centred, wedge_bodies
-from boltpose.factory.clamps.workpiece import Workpiece
+from boltpose.factory.clamps.workpiece import PosedPoints, Workpiece
 from boltpose.factory.model import Material
 from boltpose.factory.solids import CrossSection, Manifold, box, cylinder, prism, union
 from boltpose.geometry.transforms import Transform
@@ -48,6 +48,7 @@ def _strap(
     name: str,
     x_mm: float,
     anchor_mm: tuple[float, float],
+    widest_mm: float,
 ) -> tuple[ClampBody, ...]:
     """A band across a lying motor from anchor to anchor, with a ratchet or bolted ends.
 
@@ -58,10 +59,11 @@ def _strap(
         name: Prefix of the pieces' names.
         x_mm: Where the band crosses.
         anchor_mm: Distance from y = 0 and height of the anchors.
+        widest_mm: How wide the band may be.
     """
     posed = work.posed(pose)
     metal = rng.random() < 0.35
-    wide = float(rng.uniform(14, 24) if metal else rng.uniform(20, 38))
+    wide = min(float(rng.uniform(14, 24) if metal else rng.uniform(20, 38)), widest_mm)
     thick = float(rng.uniform(1.6, 3))
     half, low = anchor_mm
     mask = posed.within((0, x_mm - wide / 2 - 1.5, x_mm + wide / 2 + 1.5), (2, low, 1e9))
@@ -98,6 +100,51 @@ def _strap(
     if not metal and rng.random() < 0.7:
         pieces += _ratchet(rng, core, f"{name}_ratchet", x_mm, wide, low)
     return tuple(pieces)
+
+
+def _pick_nest(
+    rng: np.random.Generator, work: Workpiece, slabs: list[tuple[float, float]]
+) -> tuple[float, float]:
+    """How far the nests wrap round from straight down, and which side of the motor looks down.
+
+    Raises:
+        InfeasibleError: Not even shallow nests find a bare side.
+    """
+    wrap = float(rng.uniform(45, 85))
+    while wrap > 30:
+        try:
+            return wrap, work.pick_bare_angle(rng, slabs, wrap + 3)
+        except InfeasibleError:
+            wrap -= 10
+    raise InfeasibleError("no bare side for a nest")
+
+
+def _strap_places(
+    rng: np.random.Generator, posed: PosedPoints, x_mm: tuple[float, float]
+) -> tuple[list[float], float]:
+    """Where along a lying motor one or two straps can cross without pressing on terminals, and how wide they may be.
+
+    Raises:
+        InfeasibleError: Nowhere.
+    """
+    low, high = x_mm
+    delicate = np.isin(posed.labels, (Part.ELECTRICAL_CONNECTOR, Part.GEAR))
+    taken = np.sort(posed.points[delicate, 0])
+    places = np.arange(low + 10, high - 8, 2.0)
+    for wide in (38.0, 27.0, 18.0):
+        room = wide / 2 + 2
+        free = [
+            float(x)
+            for x in places
+            if np.searchsorted(taken, x - room) == np.searchsorted(taken, x + room)
+        ]
+        if free:
+            first = float(rng.choice(free))
+            others = [x for x in free if abs(x - first) > wide + 8]
+            if others and rng.random() < 0.6:
+                return [first, float(rng.choice(others))], wide
+            return [first], wide
+    raise InfeasibleError("a strap would lie over terminals")
 
 
 def _ratchet(
@@ -144,8 +191,7 @@ def _ratchet(
 def _cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     """Saddles, a sole plate and straps; the sole's underside is z = 0."""
     slabs = stations(rng, work, float(rng.uniform(12, 28)))
-    wrap = float(rng.uniform(50, 85))
-    down = work.pick_bare_angle(rng, slabs, wrap + 4)
+    wrap, down = _pick_nest(rng, work, slabs)
     pose = lay_down(rng, work, down, work.radius_mm + float(rng.uniform(8, 20)))
     sole = float(rng.uniform(10, 20))
     pose = Transform.from_parts("table", "motor", pose.rotation, pose.translation_mm + (0, 0, sole))
@@ -160,11 +206,7 @@ def _cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     posed = work.posed(pose)
     low, high = along_x(pose, (work.yoke_low_mm, work.yoke_high_mm))
     strap_half = half + float(rng.uniform(4, 12))
-    spots = (
-        [low + 0.24 * (high - low), high - 0.24 * (high - low)]
-        if high - low > 80 and rng.random() < 0.55
-        else [float(rng.uniform(low + 0.3 * (high - low), high - 0.3 * (high - low)))]
-    )
+    spots, widest = _strap_places(rng, posed, (low, high))
     for index, x in enumerate(spots):
         near = posed.within((0, x - 21, x + 21))
         wide = max(
@@ -174,7 +216,7 @@ def _cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
         )
         if wide > strap_half + 45:
             raise InfeasibleError("the motor is too wide for straps")
-        pieces += _strap(rng, work, pose, f"strap_{index}", x, (wide, sole))
+        pieces += _strap(rng, work, pose, f"strap_{index}", x, (wide, sole), widest)
     reach = max(float(np.abs(np.asarray(p.body.bounding_box())[[1, 4]]).max()) for p in pieces)
     ends = [np.asarray(p.body.bounding_box()) for p in pieces]
     x_low = min(low, *(float(box_[0]) for box_ in ends)) - 12
@@ -201,6 +243,24 @@ def build_strap_cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     return _cradle(work, rng)
 
 
+def _stop(
+    rng: np.random.Generator, work: Workpiece, posed: PosedPoints, axis_mm: float
+) -> ClampBody:
+    """An upright plate that touches the end of a lying motor at +x.
+
+    Raises:
+        InfeasibleError: What it would touch must not be pressed on.
+    """
+    central = posed.within((1, -0.8 * work.radius_mm, 0.8 * work.radius_mm), (2, 0, 1e9))
+    end = posed.support((1, 0, 0), central) - PRESS_MM
+    thick = float(rng.uniform(8, 16))
+    tall = axis_mm + float(rng.uniform(0.0, 0.4)) * work.radius_mm
+    body = bevelled_box(
+        (thick, 1.3 * work.radius_mm, tall), 1, (end + thick / 2, 0, tall / 2)
+    )
+    return ClampBody(name="stop", body=body, material=Material.PAINTED_STEEL, give_mm=1.5)
+
+
 def build_tilted_cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     """A cradle with straps on a slope of 20 to 60 degrees, with a stop at the lower end."""
     level = _cradle(work, rng)
@@ -209,20 +269,19 @@ def build_tilted_cradle(work: Workpiece, rng: np.random.Generator) -> Assembly:
     bounds = np.asarray(sole.body.bounding_box())
     posed = work.posed(level.table_from_motor)
     axis = float(level.table_from_motor.translation_mm[2])
-    # the stop touches the end of the motor that will be lower, at +x
-    central = posed.within((1, -0.8 * work.radius_mm, 0.8 * work.radius_mm), (2, 0, 1e9))
-    end = posed.support((1, 0, 0), central) - PRESS_MM
-    stop_thick = float(rng.uniform(8, 16))
-    tall = axis + float(rng.uniform(0.0, 0.4)) * work.radius_mm
-    stop_wide = 1.3 * work.radius_mm
-    stop = bevelled_box((stop_thick, stop_wide, tall), 1, (end + stop_thick / 2, 0, tall / 2))
-    pieces = [
-        *level.bodies,
-        ClampBody(name="stop", body=stop, material=Material.PAINTED_STEEL, give_mm=1.5),
-    ]
-    x_low, x_high = float(bounds[0]), max(float(bounds[3]), end + stop_thick)
+    pieces = list(level.bodies)
+    end = float(bounds[3])
+    try:
+        stop = _stop(rng, work, posed, axis)
+    except InfeasibleError:
+        # terminals or the pinion are at that end; the straps have to do
+        stop = None
+    if stop is not None:
+        pieces.append(stop)
+        end = max(end, float(np.asarray(stop.body.bounding_box())[3]))
+    x_low, x_high = float(bounds[0]), end
     if x_high > float(bounds[3]) + 0.1:
-        bridge = box((x_high - x_low, stop_wide, bounds[5] - 0.5)).translate(
+        bridge = box((x_high - x_low, 1.3 * work.radius_mm, float(bounds[5]) - 0.5)).translate(
             (0.5 * (x_low + x_high), 0, 0.5 * (float(bounds[5]) - 0.5))
         )
         pieces.append(

@@ -18,11 +18,9 @@ from boltpose.factory.clamps.assembly import (
 )
 from boltpose.factory.clamps.fasteners import (
     bevelled_box,
-    chamfered_hexagon,
     hex_screw,
     nut_on_stud,
     socket_screw,
-    HEX_ACROSS_MM,
 )
 from boltpose.factory.clamps.wedge import centred, wedge_bodies
 from boltpose.factory.clamps.workpiece import PosedPoints, Workpiece
@@ -45,42 +43,64 @@ def _ear_screws(
     """
     screws: list[ClampBody] = []
     for index, ear in enumerate(work.model.spec.bracket.ears):
-        sizes = [size for size in (6, 8, 10, 12) if size < ear.hole_mm - 0.8]
-        if not sizes:
-            continue
-        size = sizes[-1]
         angle = math.radians(ear.angle_deg)
         spot = pose.apply(
             (ear.reach_mm * math.cos(angle), ear.reach_mm * math.sin(angle), work.flange_front_mm)
         )
         x, y = float(spot[0]), float(spot[1])
         away = np.hypot(posed.points[:, 0] - x, posed.points[:, 1] - y)
-        head_radius = 1.2 * HEX_ACROSS_MM[size] / 2
-        ring = (away > ear.hole_mm / 2 - 0.2) & (away < max(head_radius, ear.hole_mm / 2 + 1.5))
-        if not ring.any():
-            continue
-        seat = float(posed.points[ring, 2].max())
-        threaded = ear.threaded or seat > 2.5 * (work.flange_front_mm - work.flange_back_mm) + 2
-        shank = cylinder(size / 2, -plate_mm - 1, max(seat, 2.0) + 0.5)
-        if threaded:
-            # the screw comes from the other side of the plate into the ear's thread
-            head = hex_screw(size).mirror((0, 0, 1)).translate((0, 0, -plate_mm))
-            body = head + cylinder(size / 2, -plate_mm - 1, 0.6 * seat)
-        else:
-            head = hex_screw(size) if rng.random() < 0.6 else socket_screw(size)
-            nut = nut_on_stud(size, 1.6 * size).mirror((0, 0, 1)).translate((0, 0, -plate_mm))
-            body = union([head.translate((0, 0, seat - _SEAT_MM)), shank, nut])
-        screws.append(
-            ClampBody(
-                name=f"ear_screw_{index}",
-                body=body.rotate((0, 0, float(rng.uniform(0, 360)))).translate((x, y, 0)),
-                material=Material.ZINC if rng.random() < 0.6 else Material.BARE_STEEL,
-                give_mm=0.3,
+        body = _ear_screw(rng, away, posed.points[:, 2], ear.hole_mm / 2, plate_mm)
+        if body is not None:
+            screws.append(
+                ClampBody(
+                    name=f"ear_screw_{index}",
+                    body=body.translate((x, y, 0)),
+                    material=Material.ZINC if rng.random() < 0.6 else Material.BARE_STEEL,
+                    give_mm=0.3,
+                )
             )
-        )
     if len(screws) < 2:
         raise InfeasibleError("too few ears to bolt down")
     return screws
+
+
+def _ear_screw(
+    rng: np.random.Generator, away: FloatArray, z: FloatArray, hole_mm: float, plate_mm: float
+) -> Manifold | None:
+    """The screw through one ear, about the z axis.
+
+    Args:
+        rng: Source of its size and kind.
+        away: Shape (N,), distance of the motor's points from the screw's axis.
+        z: Shape (N,), their heights; the ear lies on z = 0.
+        hole_mm: Radius of the ear's hole.
+        plate_mm: Thickness of the plate.
+
+    Returns:
+        The screw; None where none has room.
+    """
+    rim = (away > hole_mm - 0.2) & (away < hole_mm + 0.8)
+    sizes = [size for size in (5, 6, 8, 10, 12) if size < 2 * hole_mm - 0.8]
+    if not sizes or not rim.any():
+        return None
+    seat = float(z[rim].max())
+    for size in (sizes[-1], int(rng.choice(sizes))):
+        nut = nut_on_stud(size, 1.6 * size).mirror((0, 0, 1)).translate((0, 0, -plate_mm))
+        for kind in rng.permutation(3):
+            head = (hex_screw(size), hex_screw(size, washer=False), socket_screw(size))[kind]
+            radius = float(np.asarray(head.bounding_box())[3]) + 0.3
+            crowded = (away < radius) & (z > seat + 0.4) & (z < seat + 2.2 * size)
+            if radius > hole_mm + 0.6 and seat < 40 and not crowded.any():
+                shank = cylinder(size / 2, -plate_mm - 1, seat + 0.5)
+                turned = head.rotate((0, 0, float(rng.uniform(0, 360))))
+                return union([turned.translate((0, 0, seat - _SEAT_MM)), shank, nut])
+    # no room for a head behind the ear: the screw comes from below into its thread
+    size = sizes[-1]
+    deep = 0.6 * min(seat, 20.0)
+    if ((away < size / 2 + 0.2) & (z > 0) & (z < deep + 1)).any():
+        return None
+    head = hex_screw(size).mirror((0, 0, 1)).translate((0, 0, -plate_mm))
+    return head + cylinder(size / 2, -plate_mm - 1, deep)
 
 
 def _opening(rng: np.random.Generator, work: Workpiece, pose: Transform, deep_mm: float) -> Manifold:

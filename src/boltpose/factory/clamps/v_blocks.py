@@ -153,12 +153,28 @@ def side_toggles(
     return tuple(pieces)
 
 
+def _pick_v(
+    rng: np.random.Generator, work: Workpiece, slabs: list[tuple[float, float]]
+) -> tuple[float, float]:
+    """Half the V's angle, and which side of the motor looks down.
+
+    Raises:
+        InfeasibleError: No side is bare enough even for a wide V.
+    """
+    half_angle = 45.0 if rng.random() < 0.6 else 60.0
+    # the arms of the V reach further round than where they touch
+    for angle in (half_angle, 60.0):
+        try:
+            return angle, work.pick_bare_angle(rng, slabs, 90 - angle + 8)
+        except InfeasibleError:
+            continue
+    raise InfeasibleError("no bare side for a V")
+
+
 def build_v_blocks(work: Workpiece, rng: np.random.Generator) -> Assembly:
     """One or two V-blocks and one or two toggle clamps."""
-    half_angle = 45.0 if rng.random() < 0.6 else 60.0
     slabs = stations(rng, work, float(rng.uniform(14, 26)))
-    # the arms of the V reach further round than where they touch
-    down = work.pick_bare_angle(rng, slabs, 90 - half_angle + 12)
+    half_angle, down = _pick_v(rng, work, slabs)
     shortest = work.radius_mm / math.sin(math.radians(half_angle)) + float(rng.uniform(8, 30))
     pose = lay_down(rng, work, down, shortest)
     height = float(pose.translation_mm[2])
