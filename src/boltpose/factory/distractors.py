@@ -113,20 +113,19 @@ def _dome(radius_mm: float, height_mm: float) -> Manifold:
 
 def _pole_screw(radius_mm: float, proud_mm: float) -> DistractorSolid:
     """A countersunk screw with a slot, sunk into its cone."""
-    depth = 0.8 * radius_mm
-    cut = cylinder(0.45 * radius_mm, -depth, 0, top_radius_mm=radius_mm + _SCREW_GAP_MM) + cylinder(
-        radius_mm + _SCREW_GAP_MM, 0, 4
-    )
-    rim = 0.12 * radius_mm
+    depth, rim, top = 0.8 * radius_mm, 0.3 * radius_mm, proud_mm - 0.1 * radius_mm
+    wide = radius_mm + _SCREW_GAP_MM
+    cut = turned([(0, -depth), (0.55 * radius_mm, -depth), (wide, -rim), (wide, 4), (0, 4)])
+    stem = 0.45 * radius_mm
     head = turned(
         [
             (0, -depth - 1),
-            (0.45 * radius_mm, -depth - 1),
-            (0.45 * radius_mm, -depth),
-            (radius_mm, -rim - 0.2),
-            (radius_mm, proud_mm - 0.2),
-            (0, proud_mm - 0.2),
+            (stem, -depth - 1),
+            (stem, -depth),
+            (radius_mm, -rim),
+            (radius_mm, top),
+            (0, top),
         ]
     )
-    slot = box((3 * radius_mm, 0.3 * radius_mm, 4), (0, 0, proud_mm - 0.2 - 0.35 * radius_mm + 2))
+    slot = box((3 * radius_mm, 0.3 * radius_mm, 4), (0, 0, top - 0.35 * radius_mm + 2))
     return DistractorSolid(add=head - slot, cut=cut)
