@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, Literal, TypeVar, cast, get_args
 
 import numpy as np
 from pydantic import ValidationError
 
-from boltpose.errors import ConfigError, InputFileError
+from boltpose.errors import ConfigError
 from boltpose.factory.build import build_motor
 from boltpose.factory.families import FAMILIES, sample_motor
 from boltpose.factory.model import MotorModel
@@ -23,6 +22,7 @@ from boltpose.factory.spec import (
 from boltpose.factory.spec_fasteners import BoltSpec, DistractorSpec, HeadKind, Site
 from boltpose.factory.wear import wear_motor
 from boltpose.factory.wear_spec import sample_wear
+from boltpose.synthesis.user_model import read_spec
 
 _Fastener = TypeVar("_Fastener", BoltSpec, DistractorSpec)
 _Spec = TypeVar("_Spec", bound=SpecModel)
@@ -91,22 +91,6 @@ def drawn_spec(values: PanelValues) -> MotorSpec:
     if values.family not in FAMILIES:
         raise ConfigError(f"family must be one of {', '.join(FAMILIES)}, got '{values.family}'")
     return sample_motor(np.random.default_rng(values.seed), values.family)
-
-
-def read_spec(path: str | Path) -> MotorSpec:
-    """Read a specification.
-
-    Raises:
-        InputFileError: The file cannot be read or is no `MotorSpec`.
-    """
-    file = Path(path)
-    wanted = "a MotorSpec as JSON"
-    try:
-        return MotorSpec.model_validate_json(file.read_bytes())
-    except OSError as error:
-        raise InputFileError(file, error.strerror or "nothing readable", wanted) from error
-    except ValidationError as error:
-        raise InputFileError(file, first_mistake(error), wanted) from error
 
 
 def first_mistake(error: ValidationError) -> str:
