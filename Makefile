@@ -18,7 +18,7 @@ export MPLBACKEND := Agg
 BLENDER_VENV := .venv-blender
 BLENDER_PYTHON ?= python3.11
 
-.PHONY: help setup fmt check test test-all test-blender demo evaluate bench docs clean
+.PHONY: help setup fmt check test test-all test-blender demo evaluate bench bench-factory docs clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -54,6 +54,10 @@ evaluate: $(VENV)/.dev.stamp ## leave-one-family-out on reman18 (long); writes d
 bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
 	$(PIP) -e ".[bench]"
 	for script in benchmarks/bench_*.py; do $(BIN)/python "$$script"; done
+
+bench-factory: $(VENV)/.dev.stamp ## time motors, scans and views, beside trimesh and Open3D
+	$(PIP) -e ".[bench,synth]"
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python benchmarks/bench_factory.py
 
 docs: $(VENV)/.dev.stamp ## write the tree in ARCHITECTURE.md and docs/results.md again
 	$(BIN)/python -m tests.support.tree
