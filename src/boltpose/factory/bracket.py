@@ -154,15 +154,16 @@ def _lever_housing(spec: MotorSpec, layout: Layout) -> list[Manifold]:
     x, y = layout.solenoid_xy
     radius = solenoid.radius_mm
     foot = 0.72 * spec.bracket.radius_mm
-    low = max(back, layout.bracket_rear_z)
+    low = min(max(back, layout.bracket_rear_z), layout.flange_front_z - 2)
     shapes = [
         plate(disc(radius, (x, y)), back, front, round_low_mm=0.6, round_high_mm=1.5, draft_deg=2)
     ]
-    high = max(front, min(layout.flange_front_z, front + 4))
     beside = math.hypot(x - layout.shaft_xy[0], y - layout.shaft_xy[1]) > radius
-    if high - low > 2 and beside:
+    if beside:
+        # a pad behind the joint reaches forward over the gearbox to the bracket
         neck = bar((x, y), 0.78 * radius, layout.shaft_xy, foot)
-        shapes.append(plate(neck, low, min(front, high), round_low_mm=2, round_high_mm=2))
+        high = max(front, min(layout.bracket_rear_z + 5, layout.flange_front_z))
+        shapes.append(plate(neck, back, high, round_low_mm=2, round_high_mm=2))
     if not solenoid.lever_housing:
         if not solenoid.plunger_boot and beside:
             shapes.append(

@@ -7,26 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from boltpose.factory.draw_terminals import draw_terminals
 from boltpose.factory.draws import angle_apart_deg, between, happens, one_of, whole
 from boltpose.factory.gear import tooth_radii
 from boltpose.factory.plans import FamilyPlan
 from boltpose.factory.solids import polar
 from boltpose.factory.spec import (
     BracketSpec,
-    CableSpec,
     EarSpec,
     GearboxSpec,
     GearSpec,
     HousingSpec,
     MotorSpec,
     NoseSpec,
-    PlugSpec,
     RearCapSpec,
     SolenoidSpec,
-    StudSpec,
-    TerminalsSpec,
 )
 
+_COLLAR_ASPECT = (0.25, 0.85)
+"""Length of a collar around a free pinion, in its radii."""
 _FREE_DEG = 42
 """Ears keep this far from the direction of the solenoid, mounting tools need it."""
 
@@ -50,7 +49,7 @@ def draw_bodies(rng: np.random.Generator, plan: FamilyPlan) -> MotorSpec:
         gearbox=gearbox,
         bracket=bracket,
         solenoid=solenoid,
-        terminals=_terminals(rng, housing, solenoid),
+        terminals=draw_terminals(rng, housing, solenoid),
         gear=_fitted_gear(gear, nose),
     )
 
@@ -87,7 +86,7 @@ def _gear(rng: np.random.Generator, plan: FamilyPlan, housing: HousingSpec) -> G
     teeth = whole(rng, *plan.teeth)
     module = between(rng, *plan.module_mm)
     _, tip = tooth_radii(GearSpec(teeth=teeth, module_mm=module))
-    is_free = plan.nose_aspect[1] < 1
+    is_free = plan.nose == ("stub",)
     inertia = plan.name == "inertia"
     return GearSpec(
         teeth=teeth,
@@ -112,7 +111,7 @@ def _nose(rng: np.random.Generator, plan: FamilyPlan, gear: GearSpec) -> NoseSpe
         radius = widest + wall + between(rng, 1.5, 5)
         return NoseSpec(
             style="stub",
-            length_mm=round(radius * between(rng, *plan.nose_aspect), 1),
+            length_mm=round(radius * between(rng, *_COLLAR_ASPECT), 1),
             radius_mm=round(radius, 1),
             tip_radius_mm=round(0.9 * radius, 1),
             wall_mm=wall,
@@ -191,6 +190,7 @@ def _solenoid(
     if plan.solenoid == "none":
         return None
     lowest, highest = {"short": (1.2, 1.8), "normal": (2.0, 2.9), "long": (3.0, 4.2)}[plan.solenoid]
+    longest = max(0.95 * housing.length_mm, 1.2 * radius_mm)
     offset = round(housing.radius_mm + radius_mm + between(rng, 1.5, 7), 1)
     if gearbox is not None and plan.gear_train == "coaxial":
         offset = gearbox.shaft_offset_mm
@@ -198,7 +198,7 @@ def _solenoid(
     cap_share = between(rng, 0.82, 0.98)
     return SolenoidSpec(
         radius_mm=radius_mm,
-        length_mm=round(radius_mm * between(rng, lowest, highest), 1),
+        length_mm=round(min(radius_mm * between(rng, lowest, highest), longest), 1),
         offset_mm=offset,
         flange_radius_mm=round(radius_mm * between(rng, 1.1, 1.3), 1)
         if happens(rng, 0.45)
@@ -271,13 +271,14 @@ def _ears(
         angle = start - index * spread + between(rng, -8, 8, 1)
         if solenoid is not None and centre[1] < 20 and angle_apart_deg(angle, 90) < _FREE_DEG:
             angle = 90 + math.copysign(_FREE_DEG + 6, angle - 90)
-        x, y = polar(flange_radius_mm + size * between(rng, 0.3, 1.2), angle)
+        reach = between(rng, 0.3, 1.2) + (between(rng, 0.3, 1.4) if happens(rng, 0.2) else 0.0)
+        x, y = polar(flange_radius_mm + size * reach, angle)
         x, y = x + centre[0], y + centre[1]
         ears.append(
             EarSpec(
                 angle_deg=round(math.degrees(math.atan2(y, x)), 1),
-                reach_mm=round(max(math.hypot(x, y), 20.5), 1),
-                radius_mm=round(size * between(rng, 0.92, 1.06), 1),
+                reach_mm=round(min(max(math.hypot(x, y), 20.5), 179.0), 1),
+                radius_mm=round(max(size * between(rng, 0.88, 1.1), hole / 2 + 3), 1),
                 hole_mm=hole,
                 threaded=happens(rng, 0.25),
             )
@@ -333,57 +334,3 @@ def _rear_cap(rng: np.random.Generator, plan: FamilyPlan, housing: HousingSpec) 
             rng, ("cast_aluminium", "cast_aluminium", "painted_steel", "zinc", "cast_iron")
         ),
     )
-
-
-def _terminals(
-    rng: np.random.Generator, housing: HousingSpec, solenoid: SolenoidSpec | None
-) -> TerminalsSpec:
-    if solenoid is None:
-        face = housing.radius_mm
-        stud = StudSpec(
-            radius_mm=round(face * between(rng, 0.5, 0.62), 1),
-            angle_deg=between(rng, 40, 140, 1),
-            thread_mm=one_of(rng, (5, 6, 8)),
-            length_mm=between(rng, 12, 24, 1),
-            nuts=one_of(rng, (1, 2)),
-        )
-        return TerminalsSpec(studs=(stud,), plug=None, cable=None)
-    face = solenoid.cap_radius_mm or 0.93 * solenoid.radius_mm
-    top = between(rng, 30, 75, 1)
-    thread = one_of(rng, (6, 8)) if face < 26 else one_of(rng, (8, 10))
-    studs = (
-        StudSpec(
-            radius_mm=round(face * between(rng, 0.45, 0.6), 1),
-            angle_deg=top,
-            thread_mm=thread,
-            length_mm=between(rng, 14, 26, 1),
-            nuts=one_of(rng, (1, 1, 2)),
-            bend_deg=between(rng, 0, 7, 1) if happens(rng, 0.25) else 0,
-        ),
-        StudSpec(
-            radius_mm=round(face * between(rng, 0.45, 0.6), 1),
-            angle_deg=between(rng, -110, -60, 1),
-            thread_mm=thread,
-            length_mm=between(rng, 14, 24, 1),
-            nuts=1,
-        ),
-    )
-    plug = None
-    if happens(rng, 0.7):
-        plug = PlugSpec(
-            radius_mm=round(face * between(rng, 0.5, 0.62), 1),
-            angle_deg=between(rng, 150, 200, 1),
-            size_mm=(between(rng, 9, 15, 1), between(rng, 7, 11, 1), between(rng, 10, 20, 1)),
-            on_side=happens(rng, 0.35),
-            kind=one_of(rng, ("box", "blade", "round")),
-        )
-    cable = None
-    if happens(rng, 0.85):
-        cable = CableSpec(
-            stud=1,
-            radius_mm=between(rng, 2.8, 4.8, 1),
-            kind=one_of(rng, ("cable", "braid", "bar")),
-            enters=one_of(rng, ("yoke", "rear_cap")),
-            sag_mm=between(rng, 2, 8, 1),
-        )
-    return TerminalsSpec(studs=studs, plug=plug, cable=cable)

@@ -37,8 +37,6 @@ class FamilyPlan:
     caps: tuple[CapStyle, ...] = ("flat", "domed", "stepped")
     module_mm: Range = (2.0, 2.6)
     teeth: tuple[int, int] = (8, 11)
-    nose_aspect: Range = (1.5, 2.1)
-    """Length of the nose in radii of its foot."""
     bracket_aspect: Range = (0.55, 0.95)
     """Length of the bracket's body in radii of the yoke."""
     bolts: tuple[int, int] = (5, 11)
@@ -65,7 +63,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         yoke_aspect=(2.2, 3.0),
         nose=("open",),
         ears=(2, 2, 3),
-        nose_aspect=(1.6, 2.3),
     ),
     FamilyPlan(
         name="direct_stub",
@@ -74,7 +71,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         yoke_aspect=(2.0, 2.9),
         nose=("stub",),
         ears=(2, 3),
-        nose_aspect=(0.25, 0.7),
     ),
     FamilyPlan(
         name="direct_long_solenoid",
@@ -122,7 +118,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         gear_train="planetary",
         nose=("stub",),
         solenoid="short",
-        nose_aspect=(0.25, 0.8),
         bolts=(5, 12),
     ),
     FamilyPlan(
@@ -186,7 +181,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         threads=(5, 6, 8),
         is_cast_iron=0.5,
         flange=("round", "polygon"),
-        nose_aspect=(0.3, 0.9),
         bolts=(8, 14),
     ),
     FamilyPlan(
@@ -200,7 +194,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         flange=("ears", "polygon"),
         module_mm=(1.3, 1.9),
         teeth=(8, 11),
-        nose_aspect=(0.3, 0.7),
         bracket_aspect=(0.6, 1.0),
         threads=(4, 5, 6),
         outer_through_bolts=0.3,
@@ -215,7 +208,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         solenoid="none",
         ears=(2, 3),
         flange=("round", "ears"),
-        nose_aspect=(0.3, 0.8),
         free_gap_mm=(14, 34),
         bolts=(4, 9),
     ),
@@ -229,7 +221,6 @@ PLANS: tuple[FamilyPlan, ...] = (
         ears=(2, 4, 3),
         flange=("polygon", "round"),
         module_mm=(1.6, 2.2),
-        nose_aspect=(0.6, 1.4),
         outer_through_bolts=0.5,
         bolts=(4, 8),
     ),

@@ -10,8 +10,9 @@ from boltpose.factory.castings import bar, disc, joined, plate, turned_eased
 from boltpose.factory.layout import CAP_STEP, Layout, cap_back_z
 from boltpose.factory.model import Material
 from boltpose.factory.pieces import Piece
+from boltpose.factory.ribs import gusset
 from boltpose.factory.sites import Body, Lug, lug_bodies
-from boltpose.factory.solids import Manifold, box, cylinder, polar, union
+from boltpose.factory.solids import Manifold, cylinder, polar, union
 from boltpose.factory.spec import MotorSpec
 from boltpose.schema import Part
 
@@ -97,10 +98,12 @@ def _ribs(spec: MotorSpec, layout: Layout) -> list[Manifold]:
     cap, radius = spec.rear_cap, layout.cap_radius_mm
     if cap.ribs == 0 or cap.style == "spider":
         return []
-    top = layout.cap_rear_z - (0.5 * min(cap.hub_height_mm, 5.0) if cap.style == "flat" else 0.0)
-    low, length = 0.4 * cap.hub_radius_mm, 0.93 * radius
-    block = box(
-        (length - low, _RIB_MM, layout.yoke_rear_z - 0.5 - top),
-        (0.5 * (low + length), 0, 0.5 * (top + layout.yoke_rear_z - 0.5)),
-    )
-    return [block.rotate((0, 0, 360 * (index + 0.5) / cap.ribs)) for index in range(cap.ribs)]
+    top = layout.cap_rear_z - (0.5 * min(cap.hub_height_mm, 5.0) if cap.style == "flat" else 0.3)
+    inner, outer = 0.4 * cap.hub_radius_mm, 0.93 * radius
+    front, rim = layout.yoke_rear_z - 0.5, cap_back_z(spec, layout, radius) - 1.0
+    shape = [(inner, top), (outer, max(top, rim)), (outer, front), (inner, front)]
+    if cap.style == "stepped":  # the rib bridges the step
+        shape.insert(1, (CAP_STEP[0] * radius, top))
+    return [
+        gusset(360 * (index + 0.5) / cap.ribs, (0, 0), shape, _RIB_MM) for index in range(cap.ribs)
+    ]

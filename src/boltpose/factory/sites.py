@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -205,7 +206,9 @@ def find_lugs(
         case Site.SOLENOID_REAR:
             found.append(lug(Body.SOLENOID_CAN, wide, seat.surface_z, layout.solenoid_front_z))
             reach = min(max(end_z, layout.solenoid_front_z + 3), layout.pad_front_z)
-            if reach <= layout.bracket_rear_z:  # an offset gear's solenoid stands on its ring
+            if math.dist(layout.shaft_xy, layout.solenoid_xy) < 1:
+                # a solenoid in line with the pinion stands on the gearbox
+                reach = min(reach, layout.bracket_rear_z)
                 found.append(lug(Body.GEARBOX, wide, layout.solenoid_front_z, reach))
             else:
                 found.append(lug(Body.BRACKET, wide, layout.solenoid_front_z, reach))

@@ -81,7 +81,7 @@ class EarSpec(SpecModel):
     """One ear of the mounting flange."""
 
     angle_deg: float
-    reach_mm: float = Field(gt=20, lt=130)
+    reach_mm: float = Field(gt=20, lt=180)
     """From the main axis to the centre of its hole."""
     radius_mm: float = Field(default=13, gt=5, lt=30)
     hole_mm: float = Field(default=11, ge=0, lt=25)
@@ -149,7 +149,7 @@ class SolenoidSpec(SpecModel):
     """The solenoid beside the yoke: a steel can with a plastic cap; class solenoid."""
 
     radius_mm: float = Field(default=25, gt=8, lt=50)
-    length_mm: float = Field(default=66, gt=12, lt=170)
+    length_mm: float = Field(default=66, gt=12, lt=220)
     """Of the can."""
     offset_mm: float = Field(default=65, gt=20, lt=140)
     """From the main axis to the solenoid's axis, in +y."""
