@@ -6,6 +6,7 @@ and what lies around a bolt keeps away from it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -15,13 +16,18 @@ from boltpose.arrays import FloatArray, IntArray
 from boltpose.factory.bolts import build_bolt
 from boltpose.factory.breakage import Dent, chip_edges, make_dents, make_grease
 from boltpose.factory.model import Material, MotorModel, SolidPart, TrueBolt
-from boltpose.factory.relief import Field, make_field, patches, vertex_normals
+from boltpose.factory.relief import Field, face_normals, make_field, patches, vertex_normals
 from boltpose.factory.solids import manifold_of, mesh_arrays
 from boltpose.factory.spec_fasteners import HeadKind
 from boltpose.factory.wear_spec import WearSpec
 from boltpose.schema import Part
 
-_BOLT_EDGE_MM = 1.2
+_BOLT_EDGE_SHARE = 0.67
+"""Bolts are small: their edges are so much shorter."""
+_TRIANGLES = 430_000
+"""About as many as the refined solids get at most; large motors get longer edges."""
+_TRIANGLES_PER_SQUARE = 7.5
+"""Of the longest edge; measured on 16 motors, slivers of the booleans included."""
 _KEEP_OFF_MM = (0.6, 3.6)
 """Beside a bolt's head relief grows from nothing to full between these distances."""
 _RELIEF_FLOOR = 0.35
@@ -76,7 +82,8 @@ def wear_solids(
         bolts: Whose surroundings stay clear; in the frame of the solids.
 
     Returns:
-        As many solids, in order, with edges no longer than `wear.edge_mm`.
+        As many solids, in order, with edges no longer than `wear.edge_mm`, on large motors
+        longer.
     """
     streams = np.random.default_rng(seed).spawn(8)
     fields = _Fields(
@@ -89,12 +96,22 @@ def wear_solids(
     )
     dents = make_dents(solids, bolts, wear.dents, wear.dent_mm, wear.dent_radius_mm, streams[6])
     by_id = {bolt.id: bolt for bolt in bolts}
+    edge_mm = _edge_length_mm(solids, wear)
     return tuple(
-        _wear_bolt(solid, by_id.get(solid.bolt_id or ""), wear, fields)
+        _wear_bolt(solid, by_id.get(solid.bolt_id or ""), wear, fields, edge_mm)
         if solid.part is Part.BOLT
-        else _wear_body(solid, wear, fields, dents, bolts)
+        else _wear_body(solid, wear, fields, dents, bolts, edge_mm)
         for solid in solids
     )
+
+
+def _edge_length_mm(solids: Sequence[SolidPart], wear: WearSpec) -> float:
+    """Longest edge of the refined meshes: as specified, or longer on a large motor."""
+    area_mm2 = 0.0
+    for solid in solids:
+        doubled = face_normals(solid.vertices, solid.faces)
+        area_mm2 += 0.5 * float(np.sqrt((doubled * doubled).sum(axis=1)).sum())
+    return max(wear.edge_mm, math.sqrt(_TRIANGLES_PER_SQUARE * area_mm2 / _TRIANGLES))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -118,8 +135,9 @@ def _wear_body(
     fields: _Fields,
     dents: Sequence[Dent],
     bolts: Sequence[TrueBolt],
+    edge_mm: float,
 ) -> SolidPart:
-    vertices, faces = refine(solid, wear.edge_mm)
+    vertices, faces = refine(solid, edge_mm)
     normals = vertex_normals(vertices, faces)
     height = wear.roughness_mm * fields.roughness.at(vertices)[:, 0]
     if solid.material not in _SOFT:
@@ -134,9 +152,9 @@ def _wear_body(
 
 
 def _wear_bolt(
-    solid: SolidPart, bolt: TrueBolt | None, wear: WearSpec, fields: _Fields
+    solid: SolidPart, bolt: TrueBolt | None, wear: WearSpec, fields: _Fields, edge_mm: float
 ) -> SolidPart:
-    vertices, faces = refine(solid, min(_BOLT_EDGE_MM, wear.edge_mm))
+    vertices, faces = refine(solid, _BOLT_EDGE_SHARE * edge_mm)
     if bolt is not None and wear.corner_wear > 0:
         vertices = _round_corners(vertices, bolt, wear.corner_wear)
     normals = vertex_normals(vertices, faces)
