@@ -139,6 +139,9 @@ def _with_dimensions(spec: MotorSpec, wanted: Dimensions) -> MotorSpec:
     old = dimensions_of(spec)
     wanted = _settled(wanted, old)
     grown_mm = wanted.yoke_radius_mm - old.yoke_radius_mm
+    housing = _changed(
+        spec.housing, {"radius_mm": wanted.yoke_radius_mm, "length_mm": wanted.yoke_length_mm}
+    )
     bracket = spec.bracket
     nose_changes: dict[str, Any] = {
         "style": wanted.nose_style,
@@ -153,10 +156,7 @@ def _with_dimensions(spec: MotorSpec, wanted: Dimensions) -> MotorSpec:
         "nose": _changed(bracket.nose, nose_changes),
     }
     changes: dict[str, Any] = {
-        "housing": _changed(
-            spec.housing,
-            {"radius_mm": wanted.yoke_radius_mm, "length_mm": wanted.yoke_length_mm},
-        ),
+        "housing": housing,
         "rear_cap": _changed(
             spec.rear_cap, {"radius_mm": _plus(spec.rear_cap.radius_mm, grown_mm)}
         ),
@@ -180,7 +180,8 @@ def _settled(wanted: Dimensions, old: Dimensions) -> Dimensions:
     drawn: dict[str, Any] = {}
     for field in fields(Dimensions):
         new, before = getattr(wanted, field.name), getattr(old, field.name)
-        if isinstance(before, float) and abs(new - before) < _ROUNDING_MM:
+        is_number = isinstance(before, int | float) and not isinstance(before, bool)
+        if is_number and abs(new - before) < _ROUNDING_MM:
             drawn[field.name] = before
     return replace(wanted, **drawn)
 

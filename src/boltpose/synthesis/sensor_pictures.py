@@ -132,6 +132,7 @@ def camera_effects() -> tuple[Effect, ...]:
                 saturation_signal=default.saturation_signal,
             ),
             drawn="error",
+            limit_mm=0.05,
         ),
         Effect(
             name="contrast",
