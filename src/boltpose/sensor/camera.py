@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from boltpose.arrays import FloatArray
+from boltpose.arrays import FloatArray, IntArray
 from boltpose.errors import ConfigError
 
 
@@ -45,7 +45,7 @@ class PinholeCamera:
         column, row = self.centre_px or ((self.width - 1) / 2, (self.height - 1) / 2)
         return np.array([[self.focal_px, 0, column], [0, self.focal_px, row], [0, 0, 1]])
 
-    def slopes(self, pixels: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    def slopes(self, pixels: IntArray) -> tuple[FloatArray, FloatArray]:
         """The ratios x / z and y / z of the rays through pixels.
 
         Args:

@@ -34,8 +34,8 @@ def mix_edges(image: FloatArray, edge_mm: float, share: float, rng: np.random.Ge
         return
     width = image.shape[1]
     flat = image.reshape(-1)
-    targets: list[np.ndarray] = []
-    values: list[np.ndarray] = []
+    targets: list[IntArray] = []
+    values: list[FloatArray] = []
     for step, near, far in (
         (1, image[:, :-1], image[:, 1:]),
         (width, image[:-1], image[1:]),

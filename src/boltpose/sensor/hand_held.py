@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array, freeze
@@ -29,8 +30,8 @@ class HandHeldScan:
     """Shape (N, 3), mm."""
     labels: UInt8Array
     """Shape (N,), `Part` numbers: of the surface that was hit, for a stray point as well."""
-    solid_index: np.ndarray
-    """Shape (N,), int32, row of the solids."""
+    solid_index: npt.NDArray[np.int32]
+    """Shape (N,), row of the solids."""
     is_stray: BoolArray
     """Shape (N,), True for points thrown off the surface."""
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from boltpose.arrays import Float32Array, FloatArray, IntArray, UInt8Array, freeze
 from boltpose.factory.model import SolidPart
@@ -28,8 +29,8 @@ class CapturedView:
     """Shape (H, W), along the optical axis; 0 where nothing was measured."""
     labels: UInt8Array
     """Shape (H, W), `Part` numbers; 0 where nothing was measured."""
-    solid_index: np.ndarray
-    """Shape (H, W), int32, row of the solids; -1 where nothing was measured."""
+    solid_index: npt.NDArray[np.int32]
+    """Shape (H, W), row of the solids; -1 where nothing was measured."""
     camera_matrix: FloatArray
     """Shape (3, 3), pinhole."""
 
