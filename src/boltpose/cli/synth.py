@@ -22,7 +22,8 @@ FolderOption = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="The data set; a run resumes there.")
 ]
 WorkersOption = Annotated[
-    int, typer.Option("--workers", metavar="K", help="Processes; the bytes do not depend on it.")
+    int,
+    typer.Option("--workers", metavar="K", min=1, help="Processes; the bytes do not depend on it."),
 ]
 FamiliesOption = Annotated[
     str | None,
@@ -129,8 +130,9 @@ def _run(
     if cluster is None:
         run_tasks = partial(run_local, workers=workers)
     else:
-        from boltpose.synthesis.cluster import run_on_cluster
+        from boltpose.synthesis.cluster import require_ray, run_on_cluster
 
+        require_ray()  # now, not after the folder was made
         run_tasks = partial(run_on_cluster, address=cluster)
     notes = note_console()
     progress = SampleProgress(str(settings.kind))

@@ -8,18 +8,13 @@ and each result is taken once, so nothing is lost and nothing doubled.
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Generator, Sequence
 from typing import Any
 
 from boltpose.errors import ConfigError, MissingExtraError
 from boltpose.synthesis.run import Task, WorkerDiedError, run_single_threaded
 from boltpose.synthesis.write import Sample
-
-try:
-    import ray
-    import ray.exceptions
-except ImportError as error:
-    raise MissingExtraError("ray", "cluster") from error
 
 LOCAL = "local"
 """Instead of an address: a cluster of this machine alone, started and ended with the run."""
@@ -44,9 +39,11 @@ def run_on_cluster(task: Task, numbers: Sequence[int], *, address: str) -> Gener
 
     Raises:
         ConfigError: There is no cluster at the address.
+        MissingExtraError: Ray is not installed.
         WorkerDiedError: A task could not be brought to an end on any machine.
     """
-    _connect(address)
+    ray = require_ray()
+    _connect(ray, address)
     # None: a task whose node dies is started again as often as it takes
     remote: Any = ray.remote(num_cpus=1, max_retries=-1)(run_single_threaded)
     waiting = iter(numbers)
@@ -61,14 +58,26 @@ def run_on_cluster(task: Task, numbers: Sequence[int], *, address: str) -> Gener
                 return
             done, running = ray.wait(running, num_returns=1)
             for reference in done:
-                yield _fetch(reference)
+                yield _fetch(ray, reference)
     finally:
         for reference in running:
             ray.cancel(reference, force=True)
         ray.shutdown()
 
 
-def _connect(address: str) -> None:
+def require_ray() -> Any:
+    """Import Ray.
+
+    Raises:
+        MissingExtraError: It is not installed.
+    """
+    try:
+        return importlib.import_module("ray")
+    except ImportError as error:
+        raise MissingExtraError("ray", "cluster") from error
+
+
+def _connect(ray: Any, address: str) -> None:
     options: dict[str, Any] = {"log_to_driver": False, "configure_logging": False}
     if address != LOCAL:
         options["address"] = address
@@ -81,7 +90,7 @@ def _connect(address: str) -> None:
         raise ConfigError(f"no Ray cluster at '{address}': {first}") from error
 
 
-def _fetch(reference: Any) -> Sample:
+def _fetch(ray: Any, reference: Any) -> Sample:
     """The result of a task that has ended; what it raised is raised here as it was."""
     try:
         return ray.get(reference)

@@ -75,9 +75,12 @@ def sample_view(
                 for model in (motor.fresh, motor.model)
             )
         with watch.stage("clamp"):
-            # a design that does not fit this motor makes room for the next one
-            clamp = settings.clamp_of(number, view + attempt)
-            placed = place_motor(fresh.model, rng(Purpose.CLAMP, attempt), clamp)
+            clamp_rng = rng(Purpose.CLAMP, attempt)
+            # for a design that does not fit this motor any other one may step in
+            clamp = str(clamp_rng.choice(settings.clamps))
+            if attempt == 0:
+                clamp = settings.clamp_of(number, view)
+            placed = place_motor(fresh.model, clamp_rng, clamp)
             scene = _with_motor(placed, changed.model)
             table_from_camera = suggest_camera(scene, rng(Purpose.CAMERA, attempt))
         with watch.stage("view"):
