@@ -201,6 +201,20 @@ def _lever_housing(spec: MotorSpec, layout: Layout) -> list[Manifold]:
                     ]
                 )
             )
+        case "plate":
+            outline = bar((x, y), 1.03 * radius, (0, 0), 0.98 * spec.housing.radius_mm)
+            shapes.append(plate(outline, back, front, round_low_mm=0.8, round_high_mm=1.2))
+            start = (x, y - 0.1 * radius)
+            shapes.append(
+                hull(
+                    [
+                        _dome_disc(
+                            0.36 * radius, start, front - 1, front + 0.2 * (crest - front) + 2
+                        ),
+                        _dome_disc(0.55 * radius, near, low, crest),
+                    ]
+                )
+            )
         case "ribbed":
             middle = 0.5 * (front + min(crest, front + 6))
             outline = joined(

@@ -208,7 +208,7 @@ def _solenoid(
         cap_radius_mm=round(radius_mm * cap_share, 1),
         cap_style=one_of(rng, ("round", "round", "stepped", "d_shaped", "square")),
         lever_housing=has_lever,
-        lever_style=one_of(rng, ("slab", "hump", "hump", "ribbed")),
+        lever_style=one_of(rng, ("slab", "hump", "hump", "ribbed", "plate", "plate")),
         plunger_boot=not has_lever and plan.gear_train != "coaxial" and happens(rng, 0.75),
         finish=one_of(rng, ("painted_steel", "zinc", "bare_steel")),
     )
@@ -303,7 +303,7 @@ def _placed_solenoid(
         return solenoid.model_copy(update=update)
     latest = flange_front - pad - 0.5
     earliest = min(max(joint - 0.3 * solenoid.length_mm, -4.0), latest)
-    front = between(rng, 0.5 * (earliest + latest), latest, 1)
+    front = between(rng, earliest, latest, 1)
     return solenoid.model_copy(update={"front_mm": front, "pad_mm": pad})
 
 

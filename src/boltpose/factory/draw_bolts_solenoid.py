@@ -15,12 +15,14 @@ def draw_mount(draw: BoltDraw) -> None:
     head = draw.head_mm(make_bolt(kind, site=Site.SOLENOID_FRONT, radius_mm=1, angle_deg=0))
     tilt = between(rng, -14, 40, 1)
     angles = [tilt, 180 - tilt] + ([90.0] if happens(rng, 0.35) else [])
+    # a broad pad has room for heads inside the can's circle, a bridge in its middle has not
+    nearest = 0.64 if solenoid.lever_style in ("plate", "ribbed") else 0.8
     has_flange = solenoid.flange_radius_mm is not None and happens(rng, 0.6)
     if has_flange or draw.plan.gear_train == "coaxial":
         site, reach = Site.SOLENOID_REAR, solenoid.radius_mm + head + between(rng, 0.8, 2.5)
         shank = solenoid.flange_mm + 0.7 * solenoid.pad_mm
     else:
-        site, reach = Site.SOLENOID_FRONT, solenoid.radius_mm * between(rng, 0.82, 1.1)
+        site, reach = Site.SOLENOID_FRONT, solenoid.radius_mm * between(rng, nearest, 1.08)
         shank = solenoid.pad_mm + between(rng, 4, 9)
         if solenoid.plunger_boot:
             reach = max(reach, 0.6 * solenoid.radius_mm + head + 1)

@@ -21,6 +21,8 @@ SHAFT_INSET_MM = 1.5
 """How far the shaft's end stays behind the mouth of an open front bearing."""
 CAP_FALL = 0.5
 """How much lower the rim of a domed or stepped cap is than its middle, in its lengths."""
+D_CAP_WALL = 0.12
+"""Height of the wall between the terminals of a D-shaped solenoid cap, in the cap's lengths."""
 CAP_STEP = (0.6, 0.68)
 """Radii, in those of the cap, between which a stepped cap falls."""
 
@@ -100,13 +102,14 @@ def lay_out(spec: MotorSpec) -> Layout:
     is_free = nose.style == "stub"
     shaft_tip = pinion_front + FREE_SHAFT_MM if is_free else nose_tip - SHAFT_INSET_MM
     solenoid = spec.solenoid
-    can_rear = solenoid_rear = solenoid_front = pad_front = solenoid_cap_radius = 0.0
+    can_rear = solenoid_rear = solenoid_front = pad_front = solenoid_cap_radius = wall = 0.0
     if solenoid is not None:
         solenoid_front = solenoid.front_mm
         pad_front = solenoid_front + solenoid.pad_mm
         can_rear = solenoid_front - solenoid.length_mm
         solenoid_rear = can_rear - solenoid.cap_length_mm
         solenoid_cap_radius = solenoid.cap_radius_mm or 0.93 * solenoid.radius_mm
+        wall = D_CAP_WALL * solenoid.cap_length_mm if solenoid.cap_style == "d_shaped" else 0.0
     return Layout(
         yoke_rear_z=yoke_rear,
         cap_rear_z=cap_rear,
@@ -128,7 +131,7 @@ def lay_out(spec: MotorSpec) -> Layout:
         can_rear_z=can_rear,
         solenoid_rear_z=solenoid_rear,
         solenoid_cap_radius_mm=solenoid_cap_radius,
-        rear_z=min(hub_rear, solenoid_rear),
+        rear_z=min(hub_rear, solenoid_rear - wall),
         front_z=max(nose_tip, shaft_tip, pad_front),
     )
 

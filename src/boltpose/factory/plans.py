@@ -41,7 +41,7 @@ class FamilyPlan:
     """Length of the bracket's body in radii of the yoke."""
     bolts: tuple[int, int] = (5, 11)
     threads: tuple[Thread, ...] = (4, 5, 6)
-    outer_through_bolts: float = 0.25
+    outer_through_bolts: float = 0.06
     """Probability that long bolts run outside the yoke."""
     is_cast_iron: float = 0.1
     free_gap_mm: Range = (2, 8)
@@ -91,7 +91,7 @@ PLANS: tuple[FamilyPlan, ...] = (
         nose=("closed", "open"),
         has_lever_housing=0.0,
         caps=("flat", "spider", "stepped"),
-        outer_through_bolts=0.4,
+        outer_through_bolts=0.15,
     ),
     FamilyPlan(
         name="planetary_closed",
@@ -196,7 +196,7 @@ PLANS: tuple[FamilyPlan, ...] = (
         teeth=(8, 11),
         bracket_aspect=(0.6, 1.0),
         threads=(4, 5, 6),
-        outer_through_bolts=0.3,
+        outer_through_bolts=0.12,
         bolts=(4, 7),
     ),
     FamilyPlan(
@@ -221,7 +221,7 @@ PLANS: tuple[FamilyPlan, ...] = (
         ears=(2, 4, 3),
         flange=("polygon", "round"),
         module_mm=(1.6, 2.2),
-        outer_through_bolts=0.5,
+        outer_through_bolts=0.2,
         bolts=(4, 8),
     ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from boltpose.factory.castings import disc, joined, plate, turned_eased
-from boltpose.factory.layout import Layout
+from boltpose.factory.layout import D_CAP_WALL, Layout
 from boltpose.factory.model import Material
 from boltpose.factory.pieces import Piece
 from boltpose.factory.sites import Body, Lug, lug_bodies
@@ -111,7 +111,7 @@ def _cap(solenoid: SolenoidSpec, layout: Layout) -> Manifold:
             outline = joined([disc(radius) ^ cut.translate((0, 0.45 * radius))], round_mm=2.5)
             base = plate(outline, low, high, round_low_mm=1.5, draft_deg=0)
             wall = box((0.9 * radius, 2.5, 0.25 * length), (0, 0.1 * radius, low - 0.1 * length))
-            return base + wall.trim_by_plane((0, 0, 1), low - 0.12 * length)
+            return base + wall.trim_by_plane((0, 0, 1), low - D_CAP_WALL * length)
 
 
 def _boot(solenoid: SolenoidSpec, layout: Layout) -> Manifold:

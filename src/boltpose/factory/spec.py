@@ -166,9 +166,10 @@ class SolenoidSpec(SpecModel):
     cap_style: Literal["round", "stepped", "d_shaped", "square"] = "round"
     lever_housing: bool = True
     """A cast bridge over the shift lever between solenoid pad and nose; class connector."""
-    lever_style: Literal["slab", "hump", "ribbed"] = "slab"
+    lever_style: Literal["slab", "hump", "ribbed", "plate"] = "slab"
     """Shape of that bridge: `slab`: narrow with straight sides; `hump`: wide and rounded like a
-    bell; `ribbed`: a plate with ribs."""
+    bell; `ribbed`: a plate with ribs; `plate`: an end plate across yoke and solenoid with a
+    slender ridge."""
     plunger_boot: bool = False
     """A rubber boot over the plunger in front of an open pad; class solenoid."""
     finish: Literal["painted_steel", "bare_steel", "zinc"] = "painted_steel"
