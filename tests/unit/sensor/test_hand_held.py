@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
+from boltpose.errors import EmptyScanError
 from boltpose.factory.model import Material
 from boltpose.factory.solids import box, cylinder
 from boltpose.sensor.hand_held import HandHeldScan, scan_motor
@@ -59,6 +61,20 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not() -> None:
     for name in ("points", "labels", "solid_index", "is_stray"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
     assert len(other.points) != len(first.points)
+
+
+def test_threads_of_linear_algebra_change_no_bits() -> None:
+    scans: list[HandHeldScan] = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            scans.append(scan(CONFIG))
+    np.testing.assert_array_equal(scans[0].points, scans[1].points)
+
+
+def test_an_empty_cloud_is_an_error() -> None:
+    dark = replace(CONFIG, min_signal=1e3, saturation_signal=1e4)
+    with pytest.raises(EmptyScanError, match="0 points"):
+        scan(dark)
 
 
 def test_all_sides_are_scanned() -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from manifold3d import Manifold
+from threadpoolctl import threadpool_limits
 
 from boltpose.factory.model import Material
 from boltpose.factory.solids import box
@@ -247,6 +248,14 @@ def test_any_sampled_camera_gives_consistent_views_again_and_again(seed: int) ->
     assert first.depth_mm.dtype == np.float64
     assert first.labels.dtype == np.uint8
     assert first.solid_index.dtype == np.int32
+
+
+def test_threads_of_linear_algebra_change_no_bits() -> None:
+    views: list[CapturedView] = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            views.append(capture(CONFIG, 4))
+    np.testing.assert_array_equal(views[0].depth_mm, views[1].depth_mm)
 
 
 def test_another_seed_gives_other_errors() -> None:
