@@ -146,9 +146,18 @@ def _wear_body(
     height += _dirt(vertices, wear, fields)
     moves = (height * _distance_share(vertices, bolts))[:, None] * normals
     moves += wear.warp_mm * fields.warp.at(vertices)
-    for dent in dents:
-        moves += dent.displacement(vertices, normals)
+    moves += _deepest(dents, vertices, normals)
     return replace(solid, vertices=vertices + moves, faces=faces)
+
+
+def _deepest(dents: Sequence[Dent], vertices: FloatArray, normals: FloatArray) -> FloatArray:
+    """Displacement by dents, shape (V, 3); where they overlap the deeper one counts."""
+    moves = np.zeros_like(vertices)
+    for dent in dents:
+        own = dent.displacement(vertices, normals)
+        is_deeper = (own * own).sum(axis=1) > (moves * moves).sum(axis=1)
+        moves[is_deeper] = own[is_deeper]
+    return moves
 
 
 def _wear_bolt(
