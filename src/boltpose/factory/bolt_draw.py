@@ -8,13 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from boltpose.factory.bolts import build_bolt
-from boltpose.factory.draws import Room, happens, one_of
+from boltpose.factory.draws import Room, between, happens, one_of
+from boltpose.factory.head_sizes import HEAD_SIZES
 from boltpose.factory.layout import Layout
 from boltpose.factory.plans import FamilyPlan
 from boltpose.factory.spec import MotorSpec
 from boltpose.factory.spec_fasteners import BoltSpec, HeadKind
 
-_HEADS = (
+HEADS = (
     HeadKind.HEX,
     HeadKind.HEX,
     HeadKind.HEX_FLANGE,
@@ -25,6 +26,8 @@ _HEADS = (
     HeadKind.PHILLIPS_PAN,
     HeadKind.SLOTTED,
 )
+SMALL_HEXAGONS = {6: 8.0, 8: 12.0}
+"""Spanner sizes of small-flange and Japanese bolts by thread."""
 HEX_LIKE = (HeadKind.HEX, HeadKind.HEX_FLANGE, HeadKind.SOCKET_CAP, HeadKind.TORX_PAN)
 AIR_MM = 1.5
 """Between the circles around two heads."""
@@ -66,15 +69,25 @@ class BoltDraw:
 
 
 def bolt_kind(
-    draw: BoltDraw, thread: int, *, heads: tuple[HeadKind, ...] = _HEADS
+    draw: BoltDraw, thread: int, *, heads: tuple[HeadKind, ...] = HEADS
 ) -> dict[str, object]:
-    """Head, thread and now and then an own spanner size, common to a group."""
-    head = one_of(draw.rng, heads)
-    return {
+    """Head, thread and now and then sizes beside the standard, common to a group."""
+    rng = draw.rng
+    head = one_of(rng, heads)
+    size = HEAD_SIZES[head][thread]
+    kind: dict[str, object] = {
         "head": head,
         "thread_mm": thread,
-        "washer": head in (HeadKind.HEX, HeadKind.SOCKET_CAP) and happens(draw.rng, 0.2),
+        "washer": head in (HeadKind.HEX, HeadKind.SOCKET_CAP) and happens(rng, 0.2),
     }
+    if happens(rng, 0.3):
+        kind["head_height_mm"] = round(size.height_mm * between(rng, 0.82, 1.2), 2)
+    if head in (HeadKind.HEX, HeadKind.HEX_FLANGE):
+        if thread in SMALL_HEXAGONS and happens(rng, 0.25):
+            kind["across_mm"] = SMALL_HEXAGONS[thread]
+    elif happens(rng, 0.3):
+        kind["across_mm"] = round(max(size.across_mm * between(rng, 0.9, 1.1), thread + 2.0), 2)
+    return kind
 
 
 def make_bolt(kind: dict[str, object], **fields: object) -> BoltSpec:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from boltpose.factory.bolt_draw import (
+    HEADS,
     HEX_LIKE,
     BoltDraw,
     bolt_kind,
@@ -50,6 +51,8 @@ def _used(draw: BoltDraw, bolt: BoltSpec) -> BoltSpec:
     }
     if bolt.head in (HeadKind.HEX, HeadKind.HEX_FLANGE) and happens(rng, 0.3):
         update["dish_mm"] = between(rng, 0.3, 1.2)
+    if happens(rng, 0.04):  # lost once, replaced by what was at hand
+        update |= {"head": one_of(rng, HEADS), "across_mm": None, "head_height_mm": None}
     if happens(rng, 0.02):
         update["state"] = "missing"
     return bolt.model_copy(update=update)
