@@ -12,6 +12,7 @@ import yaml
 
 import boltpose.blender
 from boltpose.blender import scene_objects as keys
+from boltpose.blender.extension import pack_extension
 from boltpose.blender.panel import PanelValues, model_of
 from boltpose.factory.families import FAMILIES
 from boltpose.factory.model import MotorModel, bounds_mm
@@ -82,7 +83,7 @@ def test_register_and_unregister_leave_nothing_and_can_be_repeated(empty_scene: 
 
 
 def test_blender_enables_and_disables_it_as_an_add_on(empty_scene: None) -> None:
-    import addon_utils
+    import addon_utils  # there is none before bpy
 
     module = addon_utils.enable("boltpose.blender")
     assert module is boltpose.blender
@@ -329,3 +330,24 @@ def test_the_sidebar_says_what_is_selected(addon: None) -> None:
     assert lines[0] == f"Motor: {motor.name}"
     assert lines[1] == f"Bolts: {len(bolts_of(motor))}"
     assert lines[2] == "Class: bolt"
+
+
+def test_blender_installs_the_extension(empty_scene: None, tmp_path: Path) -> None:
+    import addon_utils  # there is none before bpy
+
+    target = tmp_path / "boltpose.zip"
+    pack_extension(target)
+    repo = bpy.context.preferences.extensions.repos.new(
+        name="test", module="boltpose_test", custom_directory=str(tmp_path / "repo")
+    )
+    try:
+        done = bpy.ops.extensions.package_install_files(
+            filepath=str(target), repo=repo.module, enable_on_install=True
+        )
+        assert done == {"FINISHED"}
+        assert hasattr(bpy.types, "VIEW3D_PT_boltpose")
+        assert add(family="plain").name.startswith("motor")
+        addon_utils.disable(f"bl_ext.{repo.module}.boltpose")
+        assert not hasattr(bpy.types, "VIEW3D_PT_boltpose")
+    finally:
+        bpy.context.preferences.extensions.repos.remove(repo)
