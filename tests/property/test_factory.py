@@ -173,7 +173,9 @@ def law_some_of_every_head_can_be_seen(model: MotorModel) -> None:
 def law_the_frame_is_the_motors(model: MotorModel) -> None:
     outside = (Part.ELECTRICAL_CONNECTOR, Part.BOLT)
     low, high = bounds_mm([solid for solid in model.parts if solid.part not in outside])
-    assert low[2] + high[2] == pytest.approx(0, abs=1e-5), "the origin is half way along"
+    # bolts, and what looks like them, do not count; the latter are part of the bodies
+    standing_out = max((extra.height_mm for extra in model.spec.distractors), default=0)
+    assert abs(low[2] + high[2]) <= standing_out + 1e-5, "the origin is half way along"
     housing = bounds_mm(model.parts_of(Part.MAIN_HOUSING))
     connector = bounds_mm(model.parts_of(Part.CONNECTOR))
     assert housing.mean(axis=0)[2] < connector.mean(axis=0)[2], "z goes towards the connector"
@@ -241,7 +243,7 @@ def test_wear_is_shallow_watertight_and_leaves_the_truth(drawn: tuple[str, int],
         np.testing.assert_array_equal(forth, np.unique(directed[:, ::-1], axis=0), solid.name)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(drawn=MOTORS, seed=st.integers(0, 99))
 def test_labels_of_a_view_are_those_of_the_nearest_surface(
     drawn: tuple[str, int], seed: int
@@ -259,7 +261,7 @@ def test_labels_of_a_view_are_those_of_the_nearest_surface(
     view = capture_view(model.parts, motor_from_camera, config.noiseless(), rng)
 
     assert len(view.pixels) > 300
-    some = rng.permutation(len(view.pixels))[:200]
+    some = rng.permutation(len(view.pixels))[:100]
     points = motor_from_camera.apply(view.points()[some])
     labels = view.labels.reshape(-1)[view.pixels[some]]
     distances = np.stack([distance_mm(points, solid) for solid in model.parts], axis=1)
