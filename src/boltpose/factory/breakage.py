@@ -16,6 +16,8 @@ from boltpose.schema import Part
 _BOLT_DISTANCE_MM = 4
 """Between a mark and the rim of a bolt's head."""
 _CHIP_CORNERS = 14
+_CHIP_OFFSET = 0.12
+"""Middle of what breaks off, outside of the edge, in sizes of the chip."""
 _TRIES = 12
 _HOSTS_OF_GREASE = {Part.GEAR: 3.0, Part.CONNECTOR: 1.0, Part.MAIN_HOUSING: 0.3, Part.SOLENOID: 0.2}
 """How often grease sits on a class, per mm2."""
@@ -74,19 +76,19 @@ def chip_edges(
     if not hosts or count == 0:
         return tuple(result)
     edges = [_sharp_edges(solids[index]) for index in hosts]
-    lengths = np.array([float(np.linalg.norm(e.ends - e.starts, axis=1).sum()) for e in edges])
-    if lengths.sum() <= 0:
+    chances = [edge.chances() for edge in edges]
+    totals = np.array([float(chance.sum()) for chance in chances])
+    if totals.sum() <= 0:
         return tuple(result)
     chips: dict[int, list[Manifold]] = {}
     for _ in range(count):
         size = size_mm * rng.uniform(0.4, 1)
         for _ in range(_TRIES):
-            which = int(rng.choice(len(hosts), p=lengths / lengths.sum()))
-            spans = np.linalg.norm(edges[which].ends - edges[which].starts, axis=1)
-            row = int(rng.choice(len(spans), p=spans / spans.sum()))
+            which = int(rng.choice(len(hosts), p=totals / totals.sum()))
+            row = int(rng.choice(len(chances[which]), p=chances[which] / totals[which]))
             share = rng.random()
             start, end = edges[which].starts[row], edges[which].ends[row]
-            centre = start + share * (end - start) + 0.55 * size * edges[which].outward[row]
+            centre = start + share * (end - start) + _CHIP_OFFSET * size * edges[which].outward[row]
             if _is_free(centre, bolts, size):
                 chips.setdefault(hosts[which], []).append(_rubble(centre, size, rng))
                 break
@@ -127,6 +129,12 @@ class _Edges:
     ends: FloatArray
     outward: FloatArray
 
+    def chances(self) -> FloatArray:
+        """How likely each is hit, shape (E,): long edges far out are."""
+        middle = 0.5 * (self.starts + self.ends)
+        length = np.linalg.norm(self.ends - self.starts, axis=1)
+        return length * (middle[:, 0] ** 2 + middle[:, 1] ** 2)
+
 
 def _sharp_edges(solid: SolidPart) -> _Edges:
     faces, vertices = solid.faces, solid.vertices
@@ -148,7 +156,7 @@ def _sharp_edges(solid: SolidPart) -> _Edges:
     middle = 0.5 * (start + end)
     # edges that look at the motor's axis are inside
     looks_out = (outward[:, :2] * middle[:, :2]).sum(axis=1) > 0
-    keep: BoolArray = (bend > -0.5) & (bend < 0.75) & (below < -1e-6) & looks_out
+    keep: BoolArray = (bend > -0.5) & (bend < 0.9) & (below < -1e-6) & looks_out
     return _Edges(starts=start[keep], ends=end[keep], outward=outward[keep])
 
 
