@@ -2,7 +2,7 @@
 
 Frame `build`: z = 0 at the joint between the yoke and what stands in front of it, z towards the
 nose, x and y as in frame `motor`. Frame `motor` is the same, shifted along z to half way along
-the whole motor without terminals.
+the motor's bodies: terminals, heads and what else stands out of them do not count.
 """
 
 from __future__ import annotations
