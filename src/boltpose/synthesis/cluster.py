@@ -9,6 +9,7 @@ and each result is taken once, so nothing is lost and nothing doubled.
 from __future__ import annotations
 
 import importlib
+import socket
 from collections.abc import Generator, Sequence
 from typing import Any
 
@@ -18,6 +19,7 @@ from boltpose.synthesis.write import Sample
 
 LOCAL = "local"
 """Instead of an address: a cluster of this machine alone, started and ended with the run."""
+_KNOCK_S = 5.0
 _IN_FLIGHT_PER_CORE = 2
 """Tasks waiting beside each one that runs; results wait in the cluster's memory until written."""
 
@@ -79,15 +81,28 @@ def require_ray() -> Any:
 
 def _connect(ray: Any, address: str) -> None:
     options: dict[str, Any] = {"log_to_driver": False, "configure_logging": False}
-    if address != LOCAL:
-        options["address"] = address
-    else:
+    if address == LOCAL:
         options["include_dashboard"] = False
+    else:
+        _knock(address)
+        options["address"] = address
     try:
         ray.init(**options)
     except (ConnectionError, ValueError, RuntimeError, TimeoutError) as error:
         first = str(error).strip().splitlines()[0] if str(error).strip() else repr(error)
         raise ConfigError(f"no Ray cluster at '{address}': {first}") from error
+
+
+def _knock(address: str) -> None:
+    """See whether anybody listens at `HOST:PORT`: Ray itself tries for minutes."""
+    host, _, port = address.rpartition(":")
+    if not port.isdecimal():
+        return
+    try:
+        with socket.create_connection((host, int(port)), timeout=_KNOCK_S):
+            return
+    except (OSError, OverflowError) as error:
+        raise ConfigError(f"no Ray cluster at '{address}': {error}") from error
 
 
 def _fetch(ray: Any, reference: Any) -> Sample:
