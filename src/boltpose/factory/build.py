@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boltpose.arrays import FloatArray
+from boltpose.errors import ConfigError
 from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt
 from boltpose.factory.bracket import build_bracket
 from boltpose.factory.castings import largest_piece
@@ -196,6 +197,8 @@ def _carve(pieces: Sequence[Piece], obstacles: Sequence[Manifold]) -> list[Solid
     for piece in pieces:
         shape = piece.shape - union([body for body in taken if boxes_touch(body, piece.shape)])
         shape = largest_piece(shape) if piece.in_one_piece else _without_crumbs(shape)
+        if shape.is_empty():
+            raise ConfigError(f"{piece.name}: other parts leave nothing of it")
         parts.append(solid_part(shape, piece.name, piece.part, piece.material))
         taken.append(shape)
     return parts

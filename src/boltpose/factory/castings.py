@@ -166,7 +166,7 @@ def eased(profile_mm: Sequence[tuple[float, float, float]]) -> list[tuple[float,
             continue
         before, after = before / reach_before, after / reach_after
         half = 0.5 * math.acos(float(np.clip(before @ after, -1, 1)))
-        if half > math.radians(88):
+        if not math.radians(3) < half < math.radians(88):
             points.append((radius, z))
             continue
         back = min(rounding / math.tan(half), 0.48 * reach_before, 0.48 * reach_after)

@@ -84,6 +84,11 @@ def check_layout(spec: MotorSpec, layout: Layout) -> None:
         )
     if nose.wall_mm > nose.tip_radius_mm - spec.gear.shaft_radius_mm:
         raise ConfigError(f"bracket.nose.wall_mm: {nose.wall_mm:g} leaves no room for the shaft")
+    if nose.style != "stub" and nose.length_mm < 1.1 * nose.wall_mm + 5:
+        raise ConfigError(
+            f"bracket.nose.length_mm: {nose.length_mm:g} is too short for a wall of "
+            f"{nose.wall_mm:g}"
+        )
     if spec.bracket.flange_mm > spec.bracket.body_length_mm:
         raise ConfigError(
             f"bracket.flange_mm: {spec.bracket.flange_mm:g} is more than body_length_mm, "

@@ -49,9 +49,11 @@ def room_radius_mm(spec: MotorSpec, layout: Layout, z: float) -> float:
 def _taper_z(spec: MotorSpec, layout: Layout) -> tuple[float, float]:
     """Where the taper begins and ends."""
     nose = spec.bracket.nose
+    foot, ceiling = layout.flange_front_z, layout.nose_front_z - 1.1 * nose.wall_mm
     end = nose.straight + _TAPER * (1 - nose.straight)
-    foot = layout.flange_front_z
-    return foot + max(nose.straight * nose.length_mm, 0.5), foot + end * nose.length_mm
+    shoulder = min(foot + end * nose.length_mm, ceiling - 1.5)
+    straight = min(foot + max(nose.straight * nose.length_mm, 0.5), shoulder - 1.0)
+    return straight, shoulder
 
 
 def shape_nose(spec: MotorSpec, layout: Layout) -> NoseShape:

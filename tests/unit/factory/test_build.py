@@ -112,6 +112,7 @@ def test_a_missing_bolt_leaves_its_hole() -> None:
             "bracket.nose.tip_radius_mm",
         ),
         ({"bracket": BracketSpec(flange_mm=29, body_length_mm=20)}, "bracket.flange_mm"),
+        ({"bracket": BracketSpec(nose=NoseSpec(length_mm=9))}, "bracket.nose.length_mm"),
         (
             {"bolts": (CAP_BOLT, CAP_BOLT.model_copy(update={"angle_deg": 205}))},
             r"bolts\[1\]: .* mm beside bolts\[0\]",
@@ -148,6 +149,15 @@ def test_what_cannot_be_is_refused_with_its_field(changes: dict[str, Any], words
     with pytest.raises(ConfigError, match=words) as caught:
         build_motor(MotorSpec().model_copy(update=changes))
     assert "\n" not in str(caught.value)
+
+
+def test_a_nose_that_is_straight_to_its_front_wall_is_whole() -> None:
+    nose = NoseSpec(straight=0.8, wall_mm=7, tip_radius_mm=27, radius_mm=30, length_mm=50)
+    gear = GearSpec(width_mm=12, clutch_radius_mm=16)
+    model = build_motor(MotorSpec(bracket=BracketSpec(nose=nose), gear=gear))
+    low, high = bounds_mm(model.parts_of(Part.CONNECTOR))
+    assert np.isfinite((low, high)).all()
+    assert high[2] - low[2] > 70
 
 
 def test_a_misplaced_bolt_tells_its_index() -> None:
