@@ -53,6 +53,8 @@ from boltpose.synthesis.settings import DataSetSettings, Kind
 
 CAMERA = PinholeCamera(width=1224, height=1024, focal_px=2000)
 RAYS_AT_ONCE = 1 << 16
+SCAN_CELL_MM = 0.85
+"""Leaves about 100k points of a car's starter."""
 TARGETS = {
     "motor, drawn and built (CSG)": 0.7,
     "full scan": 2.0,
@@ -173,7 +175,7 @@ def one_motor(clock: Clock, seed: int, index: int) -> tuple[SceneModel, Transfor
     with clock.stage("wear"):
         worn = wear_motor(model, sample_wear(rng), index)
     with clock.stage("full scan"):
-        scan = scan_motor(worn.parts, HandHeldConfig(), rng)
+        scan = scan_motor(worn.parts, HandHeldConfig(cell_mm=SCAN_CELL_MM), rng)
     with clock.stage("clamp"):
         scene = place_motor(worn, rng)
         table_from_camera = suggest_camera(scene, rng)

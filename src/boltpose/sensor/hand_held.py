@@ -147,10 +147,8 @@ def _sweep(
 ) -> _Sweep:
     """Cast a jittered grid of parallel beams over the solids and ask what the detector sees."""
     line, sweep, beam = frame.T
-    middle = 0.5 * (caster.vertices.min(axis=0) + caster.vertices.max(axis=0))
-    radius = float(np.linalg.norm(caster.vertices - middle, axis=1).max()) + 1
-    offset = caster.vertices - middle
-    shadow = [_along(offset, axis) for axis in (line, sweep)]
+    middle, radius = caster.centre_mm, caster.radius_mm + 1
+    shadow = [_along(caster.vertices, axis) - middle @ axis for axis in (line, sweep)]
     low = [float(values.min()) for values in shadow]
     high = [float(values.max()) for values in shadow]
     columns, rows = (

@@ -62,6 +62,8 @@ class RayCaster:
         faces: Shape (F, 3), int64, indices of `vertices`, of all solids one after the other.
         vertices: Shape (V, 3), mm.
         labels: Shape (S,), uint8, the class of each solid.
+        centre_mm: Shape (3,), middle of the box around all solids.
+        radius_mm: Of the ball around `centre_mm` that holds all solids.
 
     Raises:
         ShapeError: There are no solids or no triangles.
@@ -82,11 +84,13 @@ class RayCaster:
         )
         self._triangles = _triangle_table(self.vertices[self.faces])
         # single precision is finest around zero
-        self._centre: FloatArray = 0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0))
+        self.centre_mm: FloatArray = 0.5 * (self.vertices.min(axis=0) + self.vertices.max(axis=0))
+        offset = self.vertices - self.centre_mm
+        self.radius_mm = float(np.sqrt(_dot(offset, offset).max()))
         self._scene = EmbreeScene(robust=True)
         self._mesh = TriangleMesh(
             self._scene,
-            (self.vertices - self._centre).astype(np.float32),
+            offset.astype(np.float32),
             self.faces.astype(np.int32),
         )
 
@@ -102,7 +106,7 @@ class RayCaster:
         """
         origin_rows = np.broadcast_to(origins, directions.shape)
         answer = self._scene.run(
-            np.ascontiguousarray(origin_rows - self._centre, dtype=np.float32),
+            np.ascontiguousarray(origin_rows - self.centre_mm, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32),
             dists=np.full(len(directions), _FAR, dtype=np.float32),
             output=1,
@@ -144,7 +148,7 @@ class RayCaster:
         rays /= np.maximum(reach, 1e-12)[:, None]
         answer = self._scene.run(
             np.ascontiguousarray(
-                np.broadcast_to(origins - self._centre, targets.shape), dtype=np.float32
+                np.broadcast_to(origins - self.centre_mm, targets.shape), dtype=np.float32
             ),
             rays.astype(np.float32),
             dists=np.maximum(reach - SHADOW_GAP_MM, 0).astype(np.float32),
