@@ -20,6 +20,7 @@ class Purpose(IntEnum):
     SENSOR = 7
     BASE = 8
     WEAR_RELIEF = 9
+    REGION = 10
 
 
 def generator(

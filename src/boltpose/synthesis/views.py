@@ -19,6 +19,7 @@ from boltpose.sensor.structured_light import CapturedView, capture_view
 from boltpose.sensor.structured_light_config import sample_structured_light
 from boltpose.synthesis.head_surface import sample_outer_head, seen_share
 from boltpose.synthesis.motors import ScannedMotor
+from boltpose.synthesis.region import draw_region
 from boltpose.synthesis.retry import draw_until_built
 from boltpose.synthesis.seeds import Purpose, generator
 from boltpose.synthesis.settings import DataSetSettings
@@ -88,6 +89,9 @@ def sample_view(
             camera = _choose_camera(scene, table_from_camera, settings, sensor_rng)
             config = sample_structured_light(sensor_rng, camera)
             captured = capture_view(scene.solids, table_from_camera, config, sensor_rng)
+            region = draw_region(scene, rng(Purpose.REGION, attempt))
+            if region is not None:
+                captured = region.cut(captured, table_from_camera)
         share = float(np.mean(captured.labels != Part.BACKGROUND))
         if share < MIN_MOTOR_SHARE:
             raise DegenerateGeometryError(f"the motor is on {100 * share:.2f} % of the pixels")
