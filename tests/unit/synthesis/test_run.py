@@ -1,5 +1,10 @@
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -140,3 +145,33 @@ def test_counts_out_of_range_are_refused(tmp_path: Path, count: int) -> None:
 def test_workers_must_be_at_least_one() -> None:
     with pytest.raises(ConfigError, match="workers must be >= 1"):
         list(run_local(partial(make_toy, SETTINGS), [0], workers=0))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_ctrl_c_in_a_terminal_ends_all_workers_at_once(tmp_path: Path) -> None:
+    code = (
+        "import sys; from functools import partial; from pathlib import Path\n"
+        "from boltpose.synthesis.run import run_data_set, run_local\n"
+        "from tests.support.toy_samples import SETTINGS, make_sleepy_toy\n"
+        "run_data_set(Path(sys.argv[1]), SETTINGS, 4, make_sleepy_toy, "
+        "partial(run_local, workers=2))\n"
+    )
+    root = tmp_path / "set"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, root],
+        cwd=Path(__file__).parents[3],
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    until = time.monotonic() + 60
+    while not (root / "motor_00000").exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    # as a terminal does it: to the whole group of processes
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(timeout=60) != 0
+    assert {path.name for path in root.iterdir()} == {"dataset.json", ".lock", "motor_00000"}
+    # the last one of the group, Python's resource tracker, sees that its parent is gone and goes
+    with pytest.raises(ProcessLookupError):
+        while time.monotonic() < until:
+            os.killpg(process.pid, 0)
+            time.sleep(0.05)
