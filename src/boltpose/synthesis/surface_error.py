@@ -12,6 +12,7 @@ from boltpose.factory.model import SolidPart
 from boltpose.sensor.raycast import RayCaster
 
 _SAMPLES_PER_MM2 = 1.0
+_NEIGHBOURS = 4
 _REACH_MM = 0.8
 """Errors below this are measured by rays, larger ones to the nearest sample."""
 
@@ -27,14 +28,20 @@ def signed_errors_mm(points: FloatArray, solids: Sequence[SolidPart]) -> FloatAr
         Shape (N,), mm; exact where the surface is smooth and the error below `_REACH_MM`.
     """
     samples, normals = _samples(solids)
-    distance, near = KDTree(samples).query(points)
-    outward = normals[near]
-    side = np.where(np.sum((points - samples[near]) * outward, axis=1) < 0, -1.0, 1.0)
-    hits = RayCaster(solids).first_hits(points + _REACH_MM * outward, -outward)
-    is_near = hits.distance_mm < 2 * _REACH_MM
-    # beside an edge the ray may pass: the samples are closer than what it met, then
-    along = np.where(is_near, hits.distance_mm - _REACH_MM, np.inf)
-    return np.where(np.abs(along) <= np.maximum(distance, _REACH_MM), along, side * distance)
+    found = KDTree(samples).query(points, k=_NEIGHBOURS)
+    distance, near = np.asarray(found[0]), np.asarray(found[1])
+    side = np.sum((points - samples[near[:, 0]]) * normals[near[:, 0]], axis=1)
+    result = np.where(side < 0, -distance[:, 0], distance[:, 0])
+    caster = RayCaster(solids)
+    best = np.maximum(distance[:, 0], _REACH_MM)
+    # the nearest sample may lie on a face inside a joint, which looks the other way
+    for outward in np.moveaxis(normals[near], 1, 0):
+        hits = caster.first_hits(points + _REACH_MM * outward, -outward)
+        along = hits.distance_mm - _REACH_MM
+        is_better = (hits.distance_mm < 2 * _REACH_MM) & (np.abs(along) <= best)
+        result = np.where(is_better, along, result)
+        best = np.where(is_better, np.abs(along), best)
+    return result
 
 
 def _samples(solids: Sequence[SolidPart]) -> tuple[FloatArray, FloatArray]:
