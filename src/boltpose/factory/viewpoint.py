@@ -11,7 +11,7 @@ from boltpose.geometry.transforms import Transform
 from boltpose.schema import Part
 
 LEAN_DEG = 22.0
-"""How far the preferred direction leans from straight up, away from what towers beside the motor."""
+"""How far the preferred direction leans from straight up, away from what stands high."""
 
 _SURROUNDINGS = ("background_base", "background_table", "background_clutter")
 
@@ -92,4 +92,4 @@ def _perpendicular(direction: FloatArray) -> FloatArray:
     """Any unit vector perpendicular to a unit vector."""
     helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
     result = np.cross(direction, helper)
-    return result / np.linalg.norm(result)
+    return np.asarray(result / np.linalg.norm(result), dtype=np.float64)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from boltpose.arrays import FloatArray
 from boltpose.factory.model import Material
@@ -90,7 +91,7 @@ def turn_about_y(angle_deg: float, origin_mm: Sequence[float] = (0, 0, 0)) -> Fl
 
 
 def table_pose(
-    axis: Sequence[float], side: Sequence[float], side_angle_deg: float, origin_mm: Sequence[float]
+    axis: npt.ArrayLike, side: npt.ArrayLike, side_angle_deg: float, origin_mm: npt.ArrayLike
 ) -> Transform:
     """The pose that puts the motor's axis and one of its sides where they shall be.
 
@@ -103,9 +104,10 @@ def table_pose(
     Returns:
         `table_from_motor`.
     """
-    target = np.stack([np.asarray(side, float), np.cross(axis, side), np.asarray(axis, float)], 1)
+    along, across = np.asarray(axis, dtype=np.float64), np.asarray(side, dtype=np.float64)
+    target = np.stack([across, np.cross(along, across), along], axis=1)
     angle = np.radians(side_angle_deg)
     source = np.array(
         [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     )
-    return Transform.from_parts("table", "motor", target @ source.T, np.asarray(origin_mm, float))
+    return Transform.from_parts("table", "motor", target @ source.T, origin_mm)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from boltpose.arrays import FloatArray
 from boltpose.factory.clamps.assembly import ClampBody
 from boltpose.factory.clamps.contact import BoxedBody, boxed
 from boltpose.factory.clamps.fasteners import (
@@ -46,7 +48,7 @@ def _ring_spanner(rng: np.random.Generator) -> Thing:
     shaft = bevelled_box((long, 0.75 * size, 0.7 * thick), 0.8, (0, 0, 0.45 * thick))
     hole = prism(regular_polygon(12, size), -1, thick + 1).translate((long / 2, 0, 0))
     mouth = box((2 * size, size, 3 * thick), (-long / 2 - 0.75 * size, 0, 0))
-    body = union([ring, jaw, shaft]) - hole - mouth.rotate((0, 0, 0))
+    body = union([ring, jaw, shaft]) - hole - mouth
     return body, Material.ZINC
 
 
@@ -142,9 +144,7 @@ def _old_part(rng: np.random.Generator) -> Thing:
     radius = float(rng.uniform(20, 42))
     if kind == 0:
         tall = float(rng.uniform(14, 30))
-        grooves = [
-            tube(radius + 1, 0.86 * radius, z, z + 3) for z in np.arange(3, tall - 4, 6.0)
-        ]
+        grooves = [tube(radius + 1, 0.86 * radius, z, z + 3) for z in np.arange(3, tall - 4, 6.0)]
         hub = cylinder(0.35 * radius, 0, tall + 6) - cylinder(0.2 * radius, -1, tall + 8)
         wheel = cylinder(radius, 0, tall) - cylinder(0.7 * radius, 0.4 * tall, tall + 1)
         return wheel - union(grooves) - cylinder(0.2 * radius, -1, tall) + hub, Material.CAST_IRON
@@ -185,7 +185,7 @@ def _cable(rng: np.random.Generator) -> Thing:
         heading += curl + float(rng.uniform(-0.25, 0.25))
         at = at + 12 * np.array([math.cos(heading), math.sin(heading)])
         beads.append(Manifold.sphere(radius, 12).translate((float(at[0]), float(at[1]), 0)))
-    body = union([hull([one, other]) for one, other in zip(beads, beads[1:], strict=False)])
+    body = union([hull([one, other]) for one, other in itertools.pairwise(beads)])
     return body.translate((0, 0, radius)), Material.RUBBER
 
 
@@ -262,8 +262,8 @@ def scatter_clutter(
 
 
 def _draw_spot(
-    rng: np.random.Generator, ground: Ground, half: np.ndarray
-) -> tuple[np.ndarray, float]:
+    rng: np.random.Generator, ground: Ground, half: FloatArray
+) -> tuple[FloatArray, float]:
     """A place wholly on the base plate, or wholly beside it on the table, and its height."""
     plate = np.array(ground.plate_half_mm)
     room = plate - half - 2

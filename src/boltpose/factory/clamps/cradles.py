@@ -12,7 +12,6 @@ from boltpose.factory.clamps.assembly import (
     ClampBody,
     InfeasibleError,
     frame_matrix,
-    table_pose,
     turn_about_y,
 )
 from boltpose.factory.clamps.fasteners import bevelled_box, hex_screw, nut_on_stud, socket_screw
@@ -122,7 +121,9 @@ def _pick_nest(
 def _strap_places(
     rng: np.random.Generator, posed: PosedPoints, x_mm: tuple[float, float]
 ) -> tuple[list[float], float]:
-    """Where along a lying motor one or two straps can cross without pressing on terminals, and how wide they may be.
+    """Where along a lying motor one or two straps can cross, and how wide they may be.
+
+    They must not press on terminals.
 
     Raises:
         InfeasibleError: Nowhere.
@@ -255,9 +256,7 @@ def _stop(
     end = posed.support((1, 0, 0), central) - PRESS_MM
     thick = float(rng.uniform(8, 16))
     tall = axis_mm + float(rng.uniform(0.0, 0.4)) * work.radius_mm
-    body = bevelled_box(
-        (thick, 1.3 * work.radius_mm, tall), 1, (end + thick / 2, 0, tall / 2)
-    )
+    body = bevelled_box((thick, 1.3 * work.radius_mm, tall), 1, (end + thick / 2, 0, tall / 2))
     return ClampBody(name="stop", body=body, material=Material.PAINTED_STEEL, give_mm=1.5)
 
 

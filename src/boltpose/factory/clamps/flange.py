@@ -25,7 +25,7 @@ from boltpose.factory.clamps.fasteners import (
 from boltpose.factory.clamps.wedge import centred, wedge_bodies
 from boltpose.factory.clamps.workpiece import PosedPoints, Workpiece
 from boltpose.factory.model import Material
-from boltpose.factory.solids import Manifold, box, cylinder, manifold_of, prism, union
+from boltpose.factory.solids import Manifold, cylinder, manifold_of, prism, union
 from boltpose.geometry.transforms import Transform
 from boltpose.schema import Part
 
@@ -103,7 +103,9 @@ def _ear_screw(
     return head + cylinder(size / 2, -plate_mm - 1, deep)
 
 
-def _opening(rng: np.random.Generator, work: Workpiece, pose: Transform, deep_mm: float) -> Manifold:
+def _opening(
+    rng: np.random.Generator, work: Workpiece, pose: Transform, deep_mm: float
+) -> Manifold:
     """What has to be cut out of the plate z = 0 for all that stands in front of the flange."""
     turn = np.ascontiguousarray(pose.matrix[:3])
     below = [
@@ -230,8 +232,14 @@ def _upright(
         ClampBody(name="angle_foot", body=body, material=material, give_mm=0.05),
     ]
     rib_tall = float(rng.uniform(0.6, 0.95)) * tall
-    outline = [(-thick_mm + 0.5, 0.0), (-thick_mm + 0.5, rib_tall), (-thick_mm - 8, rib_tall),
-               (-thick_mm - foot * 0.92, foot_thick + 8), (-thick_mm - foot * 0.92, 0.0)]  # fmt: skip
+    front, back = -thick_mm + 0.5, -thick_mm - foot * 0.92
+    outline = [
+        (front, 0.0),
+        (front, rib_tall),
+        (-thick_mm - 8, rib_tall),
+        (back, foot_thick + 8),
+        (back, 0.0),
+    ]
     rib = prism(outline, -rib_thick / 2, rib_thick / 2).rotate((90, 0, 0))
     for index, side in enumerate((-1, 1)):
         y = middle + side * (wide / 2 - rib_thick / 2 - 0.5)
@@ -245,7 +253,9 @@ def _upright(
         )
     size = int(rng.choice([10, 12]))
     heads = [
-        hex_screw(size).translate((-thick_mm - share * foot, middle + side * wide * 0.25, foot_thick))
+        hex_screw(size).translate(
+            (-thick_mm - share * foot, middle + side * wide * 0.25, foot_thick)
+        )
         for share in (0.45, 0.8)
         for side in (-1, 1)
     ]

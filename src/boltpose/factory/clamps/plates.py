@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from boltpose.factory.clamps.assembly import ClampBody
+from boltpose.factory.clamps.fasteners import any_screw, bevelled_box
 from boltpose.factory.model import Material
-from boltpose.factory.solids import Manifold, box, cylinder, prism, union
-from boltpose.factory.clamps.fasteners import bevelled_box, any_screw
+from boltpose.factory.solids import Manifold, box, cylinder, union
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -11,7 +11,6 @@ from boltpose.factory.clamps.assembly import (
     Assembly,
     ClampBody,
     InfeasibleError,
-    frame_matrix,
     placed,
     table_pose,
     turn_about_z,
@@ -25,7 +24,7 @@ from boltpose.factory.clamps.fasteners import (
 )
 from boltpose.factory.clamps.workpiece import TOUCHABLE, PosedPoints, Workpiece
 from boltpose.factory.model import Material
-from boltpose.factory.solids import Manifold, box, cylinder, hull, prism, regular_polygon, union
+from boltpose.factory.solids import Manifold, cylinder, hull, prism, regular_polygon, union
 from boltpose.geometry.transforms import Transform
 
 
@@ -142,9 +141,7 @@ def build_pin_fixture(work: Workpiece, rng: np.random.Generator) -> Assembly:
     lift = -work.posed(pose).lowest() + float(rng.uniform(22, 45))
     pose = table_pose(axis, down, roll, -middle * axis + (0, 0, lift))
     posed = work.posed(pose)
-    ends = sorted(
-        float(pose.apply((0, 0, z))[0]) for z in (work.yoke_low_mm, work.flange_front_mm)
-    )
+    ends = sorted(float(pose.apply((0, 0, z))[0]) for z in (work.yoke_low_mm, work.flange_front_mm))
     pieces = _support_pins(rng, posed, (ends[0], ends[1]), work.radius_mm)
     side = 1.0 if rng.random() < 0.5 else -1.0
     count = 2 if ends[1] - ends[0] > 80 else 1
@@ -181,7 +178,10 @@ def _end_stop(rng: np.random.Generator, posed: PosedPoints) -> list[ClampBody]:
         ClampBody(name="stop_block", body=block, material=Material.CAST_IRON, give_mm=0.05),
     ]
     return list(
-        placed(pieces, turn_about_z(0 if side > 0 else 180, (side * abs(touch) * np.sign(touch * side), y, z)))
+        placed(
+            pieces,
+            turn_about_z(0 if side > 0 else 180, (side * abs(touch) * np.sign(touch * side), y, z)),
+        )
     )
 
 

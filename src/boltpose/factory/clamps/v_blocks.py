@@ -19,7 +19,7 @@ from boltpose.factory.clamps.fasteners import screw_piece
 from boltpose.factory.clamps.toggle import toggle_clamp
 from boltpose.factory.clamps.workpiece import PosedPoints, Workpiece
 from boltpose.factory.model import Material
-from boltpose.factory.solids import Manifold, box, prism
+from boltpose.factory.solids import box, prism
 from boltpose.geometry.transforms import Transform
 
 

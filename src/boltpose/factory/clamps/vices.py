@@ -15,10 +15,10 @@ from boltpose.factory.clamps.assembly import (
 )
 from boltpose.factory.clamps.fasteners import (
     bevelled_box,
+    chamfered_hexagon,
     hex_screw,
     socket_screw,
     thumb_bar,
-    chamfered_hexagon,
 )
 from boltpose.factory.clamps.workpiece import Workpiece
 from boltpose.factory.model import Material

@@ -78,7 +78,7 @@ class Workpiece:
         good = eroded(bare, half_width_deg)
         if opposite:
             good &= np.roll(good, len(good) // 2)
-        return (np.flatnonzero(good) + 0.5) * BIN_DEG
+        return np.asarray((np.flatnonzero(good) + 0.5) * BIN_DEG, dtype=np.float64)
 
     def pick_bare_angle(
         self,
