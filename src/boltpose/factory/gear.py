@@ -23,6 +23,7 @@ _TIP_CHAMFER = 0.55
 """Chamfer of the teeth in front, in modules: it lets them mesh."""
 _STOP_GAP_MM = 1.5
 _STOP_MM = 4.0
+_CLUTCH_WALL_MM = 1.5
 _SLEEVE_MM = 1.8
 """Wall of the sleeve behind the clutch."""
 
@@ -52,7 +53,7 @@ def build_gear(
         turn_deg: Turn of the teeth.
 
     Raises:
-        ConfigError: The shaft ends before the pinion, or the teeth have no room for it.
+        ConfigError: The shaft ends before the pinion, or teeth or clutch have no room for it.
     """
     back = spec.gap_mm + spec.clutch_length_mm
     front = back + spec.width_mm
@@ -62,6 +63,11 @@ def build_gear(
     if not root > 2.2:
         raise ConfigError(f"teeth of module {spec.module_mm:g} leave a core of {root:.2g} mm")
     shaft = min(spec.shaft_radius_mm, root - 0.8)
+    if not spec.clutch_radius_mm >= shaft + _CLUTCH_WALL_MM:
+        raise ConfigError(
+            f"clutch_radius_mm must be at least {shaft + _CLUTCH_WALL_MM:g} around a shaft of "
+            f"{shaft:g} mm, got {spec.clutch_radius_mm:g}"
+        )
     bodies = [
         _shaft(shaft, shaft_rear_mm, shaft_front_mm),
         _pinion(spec, back, front, turn_deg),

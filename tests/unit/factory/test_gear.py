@@ -27,7 +27,7 @@ def section_area(body: Manifold, z: float) -> float:
     module_mm=st.floats(1.5, 4.5),
     gap_mm=st.floats(0, 40),
     shaft_radius_mm=st.floats(2.6, 15),
-    clutch_radius_mm=st.floats(6, 40),
+    wall_mm=st.floats(1.5, 25),
     stop_ring=st.booleans(),
     free_mm=st.floats(0, 40),
 )
@@ -37,7 +37,7 @@ def test_every_pinion_is_one_closed_body_within_its_radii(
     module_mm: float,
     gap_mm: float,
     shaft_radius_mm: float,
-    clutch_radius_mm: float,
+    wall_mm: float,
     stop_ring: bool,
     free_mm: float,
 ) -> None:
@@ -46,7 +46,7 @@ def test_every_pinion_is_one_closed_body_within_its_radii(
         module_mm=module_mm,
         gap_mm=gap_mm,
         shaft_radius_mm=shaft_radius_mm,
-        clutch_radius_mm=clutch_radius_mm,
+        clutch_radius_mm=shaft_radius_mm + wall_mm,
         stop_ring=stop_ring,
     )
     tip_z = front_of(spec) + free_mm
@@ -100,3 +100,9 @@ def section_area_at(section: object, point: tuple[float, float]) -> bool:
 def test_a_shaft_that_ends_before_its_pinion_is_refused() -> None:
     with pytest.raises(ConfigError, match="the shaft ends at 10 mm, its pinion at 35 mm"):
         build_gear(GearSpec(), shaft_front_mm=10)
+
+
+def test_a_clutch_inside_its_shaft_is_refused() -> None:
+    spec = GearSpec(clutch_radius_mm=6.5, shaft_radius_mm=6)
+    with pytest.raises(ConfigError, match=r"clutch_radius_mm must be at least 7\.5 .* got 6\.5"):
+        build_gear(spec, shaft_front_mm=60)
