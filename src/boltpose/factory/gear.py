@@ -12,7 +12,7 @@ import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError
-from boltpose.factory.solids import Manifold, cylinder, prism, tube, turned, union
+from boltpose.factory.solids import Manifold, cylinder, prism, turned, union
 from boltpose.factory.spec import GearSpec
 
 _PRESSURE_ANGLE_DEG = 20
@@ -76,10 +76,9 @@ def build_gear(
     if spec.stop_ring and shaft_front_mm - front > _STOP_GAP_MM + _STOP_MM:
         low = front + _STOP_GAP_MM
         outer = min(1.5 * shaft, 0.9 * tip)
-        bodies.append(tube(outer, 0.9 * shaft, low, low + _STOP_MM - 1.2))
-        bodies.append(
-            cylinder(outer, low + _STOP_MM - 1.2, low + _STOP_MM, top_radius_mm=outer - 1)
-        )
+        high, core = low + _STOP_MM, 0.5 * shaft
+        ring = [(core, low), (outer, low), (outer, high - 1.2), (outer - 1, high), (core, high)]
+        bodies.append(turned(ring))
     return GearSolid(
         body=union(bodies),
         tip_radius_mm=tip,

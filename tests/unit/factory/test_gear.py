@@ -46,7 +46,7 @@ def test_every_pinion_is_one_closed_body_within_its_radii(
         module_mm=module_mm,
         gap_mm=gap_mm,
         shaft_radius_mm=shaft_radius_mm,
-        clutch_radius_mm=shaft_radius_mm + wall_mm,
+        clutch_radius_mm=max(5.1, shaft_radius_mm + wall_mm),
         stop_ring=stop_ring,
     )
     tip_z = front_of(spec) + free_mm
