@@ -38,6 +38,10 @@ _BLIND_MM = 1
 _LOBE_POINTS = 72
 _CROWN_POINTS = 7
 _OVERLAP_MM = 0.5
+_NECK_MM = 0.5
+"""Of the shank that stays with a head: the plane of the cut is not the seat's."""
+THROUGH_BOLT_MM = 40.0
+"""Shanks from this length on are rods along the motor, not screws."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -117,6 +121,29 @@ def build_bolt(spec: BoltSpec) -> BoltSolid:
         shank_radius_mm=radius,
         shank_mm=spec.shank_mm,
     )
+
+
+def split_bolt(solid: BoltSolid) -> tuple[Manifold, Manifold | None]:
+    """Part a through-bolt into its head and the rod behind it.
+
+    Class bolt means heads: what a screwdriver meets and what a bolt's position is measured at. A
+    rod that runs along the yoke would stretch it over half the motor; the body that the bolt
+    holds together owns it instead.
+
+    Returns:
+        Head, and rod from just below the seat on; a bolt shorter than `THROUGH_BOLT_MM` whole,
+        and None. Both in frame `bolt`.
+    """
+    if solid.shank_mm < THROUGH_BOLT_MM:
+        return solid.body, None
+    cut_mm = -solid.head_height_mm - _NECK_MM
+    head, rod = solid.body.split_by_plane((0.0, 0.0, 1.0), cut_mm)
+    return head, rod
+
+
+def rod_name(bolt_id: str) -> str:
+    """Name of the solid that is a through-bolt's rod; only some bolts have one."""
+    return f"main_housing_rod_{bolt_id}"
 
 
 def bolt_clearance(spec: BoltSpec) -> Manifold:

@@ -15,7 +15,7 @@ import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError
-from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt
+from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt, rod_name, split_bolt
 from boltpose.factory.bracket import build_bracket
 from boltpose.factory.castings import largest_piece
 from boltpose.factory.checks import BoltPlaceError, check_bolts, check_layout, check_seat
@@ -89,15 +89,13 @@ def build_motor(spec: MotorSpec) -> MotorModel:
     parts += _carve(pieces, [clearance, *(body for _, body in obstacles)])
     present = _name_bolts([bolt for bolt in bolts if bolt.spec.state == "present"])
     for name, bolt in present:
+        material = Material.RUST if bolt.spec.rusty else Material.ZINC
+        head, rod = split_bolt(bolt.solid)
         parts.append(
-            solid_part(
-                bolt.place(bolt.solid.body),
-                f"bolt_{name}",
-                Part.BOLT,
-                Material.RUST if bolt.spec.rusty else Material.ZINC,
-                bolt_id=name,
-            )
+            solid_part(bolt.place(head), f"bolt_{name}", Part.BOLT, material, bolt_id=name)
         )
+        if rod is not None:
+            parts.append(solid_part(bolt.place(rod), rod_name(name), Part.MAIN_HOUSING, material))
     return MotorModel(
         spec=spec,
         parts=tuple(part.moved(shift) for part in parts),

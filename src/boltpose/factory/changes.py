@@ -11,7 +11,7 @@ import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError
-from boltpose.factory.bolts import build_bolt, head_size
+from boltpose.factory.bolts import build_bolt, head_size, rod_name, split_bolt
 from boltpose.factory.breakage import make_grease
 from boltpose.factory.cables import find_obstacles, obstacle_distance
 from boltpose.factory.layout import Layout, lay_out
@@ -140,6 +140,7 @@ def draw_changes(
             bolts.append(bolt)
         elif luck < chance.bolt_lost:
             lost = parts.pop(row)
+            parts = [part for part in parts if part.name != rod_name(bolt.id)]
             changes.append(Change(kind=ChangeKind.BOLT_LOST, subject=lost.name, bolt_id=bolt.id))
         else:
             new = _replace_bolt(bolt, own)
@@ -325,7 +326,8 @@ def _replace_bolt(bolt: TrueBolt, rng: np.random.Generator) -> tuple[SolidPart, 
     bolt_from_new = Transform.from_parts("bolt", "new", np.eye(3), (0.0, 0.0, lift))
     moved = bolt.motor_from_bolt @ bolt_from_new
     pose = Transform("motor", "bolt", moved.matrix)
-    part = solid_part(solid.body, f"bolt_{bolt.id}", Part.BOLT, Material.ZINC, bolt_id=bolt.id)
+    head, _ = split_bolt(solid)  # a rod stays: another head on the same thread
+    part = solid_part(head, f"bolt_{bolt.id}", Part.BOLT, Material.ZINC, bolt_id=bolt.id)
     return replace(part, vertices=pose.apply(part.vertices)), replace(
         bolt,
         spec=spec,

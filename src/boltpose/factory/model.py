@@ -46,7 +46,7 @@ class SolidPart:
     faces: IntArray
     """Shape (F, 3), int64, counter-clockwise seen from outside."""
     bolt_id: str | None = None
-    """Which bolt's head and shank this is; None for all else."""
+    """Which bolt's head this is, with its shank unless that is a rod; None for all else."""
 
     def __post_init__(self) -> None:
         vertices = as_points(self.vertices, "vertices", at_least=4)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from boltpose.errors import ConfigError
-from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt
+from boltpose.factory.bolts import BoltSolid, bolt_clearance, build_bolt, split_bolt
 from boltpose.factory.head_sizes import HEAD_SIZES, NUTS, WASHERS
 from boltpose.factory.solids import Manifold, cylinder, mesh_arrays
 from boltpose.factory.spec_fasteners import BoltSpec, HeadKind, Site
@@ -198,3 +198,19 @@ def test_the_same_specification_gives_the_same_bits() -> None:
     first, second = (build_bolt(spec(HeadKind.TORX_PAN, clogged=0.3)) for _ in range(2))
     for one, other in zip(mesh_arrays(first.body), mesh_arrays(second.body), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize(("shank_mm", "has_rod"), [(12.0, False), (39.0, False), (110.0, True)])
+def test_only_through_bolts_are_split_and_nothing_is_lost(shank_mm: float, has_rod: bool) -> None:
+    solid = build_bolt(
+        BoltSpec(site=Site.REAR_CAP, radius_mm=20, angle_deg=0, shank_mm=shank_mm, washer=True)
+    )
+    head, rod = split_bolt(solid)
+    assert (rod is not None) == has_rod
+    if rod is None:
+        assert head.volume() == solid.body.volume()
+        return
+    assert head.volume() + rod.volume() == pytest.approx(solid.body.volume())
+    assert head.bounding_box()[5] == pytest.approx(0)
+    assert rod.bounding_box()[5] < -solid.head_height_mm
+    assert rod.bounding_box()[2] == pytest.approx(-solid.head_height_mm - shank_mm)
