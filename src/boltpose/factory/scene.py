@@ -53,7 +53,9 @@ MAX_INTERPENETRATION_MM = 0.5
 """Deeper than this no clamp may go into a motor."""
 
 MAX_ATTEMPTS = 60
-"""Tries of one design before it is said not to fit; most succeed within three."""
+"""Tries of a design that was asked for, before it is said not to fit; most succeed within three.
+
+Where any design will do, the next one is taken after an eighth of them."""
 
 
 def place_motor(
@@ -81,7 +83,7 @@ def place_motor(
     names = [clamp] if clamp else [str(name) for name in rng.permutation(CLAMPS)]
     reasons: list[str] = []
     for name in names:
-        for _ in range(MAX_ATTEMPTS if clamp else MAX_ATTEMPTS // 4):
+        for _ in range(MAX_ATTEMPTS if clamp else MAX_ATTEMPTS // 8):
             try:
                 return _try_clamp(work, motor, name, rng)
             except InfeasibleError as error:

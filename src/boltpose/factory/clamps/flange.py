@@ -30,7 +30,7 @@ from boltpose.geometry.transforms import Transform
 from boltpose.schema import Part
 
 _SEAT_MM = 0.1
-"""How far a screw head is pressed into an ear."""
+"""How far ears are pressed into the plate and screw heads into ears, before nests are cut."""
 
 
 def _ear_screws(
@@ -97,10 +97,11 @@ def _ear_screw(
     # no room for a head behind the ear: the screw comes from below into its thread
     size = sizes[-1]
     deep = 0.6 * min(seat, 20.0)
-    if ((away < size / 2 + 0.2) & (z > 0) & (z < deep + 1)).any():
+    if ((away < hole_mm - 0.3) & (z > 0) & (z < deep + 1)).any():
         return None
     head = hex_screw(size).mirror((0, 0, 1)).translate((0, 0, -plate_mm))
-    return head + cylinder(size / 2, -plate_mm - 1, deep)
+    thread = cylinder(hole_mm + 0.05, -0.5, deep)
+    return union([head, cylinder(size / 2, -plate_mm - 1, 0), thread])
 
 
 def _opening(
@@ -109,7 +110,7 @@ def _opening(
     """What has to be cut out of the plate z = 0 for all that stands in front of the flange."""
     turn = np.ascontiguousarray(pose.matrix[:3])
     below = [
-        manifold_of(part).transform(turn).trim_by_plane((0, 0, -1), 0.15)
+        manifold_of(part).transform(turn).trim_by_plane((0, 0, -1), 3 * _SEAT_MM)
         for part in work.model.parts
     ]
     outline = union([body for body in below if not body.is_empty()]).project()
@@ -129,8 +130,8 @@ def build_flange_plate(work: Workpiece, rng: np.random.Generator) -> Assembly:
     """A plate with an opening for the nose, screws through the motor's ears."""
     thick = float(rng.uniform(10, 20))
     turn = float(rng.uniform(0, 360))
-    # nose down, the mounting face on z = 0
-    pose = table_pose((0, 0, -1), (1, 0, 0), turn, (0, 0, work.flange_front_mm))
+    # nose down, the mounting face a touch below z = 0
+    pose = table_pose((0, 0, -1), (1, 0, 0), turn, (0, 0, work.flange_front_mm - _SEAT_MM))
     posed = work.posed(pose)
     front = float(-posed.lowest())
     screws = _ear_screws(rng, work, pose, posed, thick)
