@@ -18,7 +18,7 @@ export MPLBACKEND := Agg
 BLENDER_VENV := .venv-blender
 BLENDER_PYTHON ?= python3.11
 
-.PHONY: help setup fmt check test test-all test-blender demo evaluate bench bench-factory docs clean
+.PHONY: help setup fmt check test test-all test-blender test-cluster demo evaluate bench bench-factory docs clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -44,6 +44,10 @@ test-all: $(VENV)/.dev.stamp ## run the tests, the slow ones too
 
 test-blender: $(BLENDER_VENV)/.stamp ## test the Blender add-on in headless Blender (800 MB the first time)
 	@OMP_NUM_THREADS=1 $(BLENDER_VENV)/bin/python -m tests.blender.run
+
+test-cluster: $(VENV)/.dev.stamp ## test data sets on a Ray cluster of this machine, a node killed
+	$(PIP) -e ".[dev,train,synth,cluster]"
+	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/cluster
 
 demo: $(VENV)/.core.stamp ## build the shipped motor's prior and locate its bolts in the shipped scan
 	@$(BIN)/boltpose demo -o $(DEMO_OUTPUT)
