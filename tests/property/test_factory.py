@@ -235,6 +235,12 @@ def test_wear_is_shallow_watertight_and_leaves_the_truth(drawn: tuple[str, int],
     again = wear_motor(new, sample_wear(np.random.default_rng(seed)), seed)
     for one, two in zip(worn.parts, again.parts, strict=True):
         assert one.vertices.tobytes() == two.vertices.tobytes(), one.name
+    for before, after in zip(new.parts, worn.parts, strict=False):
+        assert (before.name, before.part, before.bolt_id) == (after.name, after.part, after.bolt_id)
+        # crust, dirt and grease lumps of their own: no part grows by more than that
+        np.testing.assert_allclose(
+            bounds_mm([after]), bounds_mm([before]), atol=2.5, err_msg=before.name
+        )
     frames = {bolt.id: bolt.motor_from_bolt.matrix for bolt in new.bolts}
     for bolt in worn.bolts:
         np.testing.assert_array_equal(bolt.motor_from_bolt.matrix, frames[bolt.id])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boltpose.arrays import FloatArray, IntArray
-from boltpose.factory.bolts import build_bolt
+from boltpose.factory.bolts import build_bolt, split_bolt
 from boltpose.factory.breakage import Dent, chip_edges, make_dents, make_grease
 from boltpose.factory.model import Material, MotorModel, SolidPart, TrueBolt
 from boltpose.factory.relief import Field, face_normals, make_field, patches, vertex_normals
@@ -245,8 +245,9 @@ def _clog_drives(
         if not hit or amount <= bolt.spec.clogged:
             parts.append(solid)
             continue
-        body = build_bolt(bolt.spec.model_copy(update={"clogged": float(amount)})).body
-        vertices, faces = mesh_arrays(body)
+        clogged = bolt.spec.model_copy(update={"clogged": float(amount)})
+        head, _ = split_bolt(build_bolt(clogged))
+        vertices, faces = mesh_arrays(head)
         moved = bolt.motor_from_bolt.apply(vertices)
         parts.append(replace(solid, vertices=moved, faces=faces))
     return tuple(parts)

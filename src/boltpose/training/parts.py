@@ -104,9 +104,9 @@ class PartsConfig:
             folds=3,
             rows_per_cloud=3000,
             extra_rows=700,
-            local=replace(base.local, fit=replace(base.local.fit, steps=4000)),
+            local=replace(base.local, fit=replace(base.local.fit, steps=2000)),
             pool=6000,
-            fit=replace(base.fit, steps=1600),
+            fit=replace(base.fit, steps=1000),
         )
 
     def describe(self) -> dict[str, object]:

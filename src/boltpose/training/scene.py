@@ -80,7 +80,7 @@ class SceneConfig:
         return replace(
             base,
             folds=3,
-            local=replace(base.local, fit=replace(base.local.fit, steps=2500)),
+            local=replace(base.local, fit=replace(base.local.fit, steps=1200)),
             fit=replace(base.fit, steps=1500),
         )
 
