@@ -38,8 +38,9 @@ SCENES_FORMAT_TEXT = """
 Every view clamps the motor anew: another clamp, another pose, another camera, other settings of
 the sensor, and sometimes a motor that has changed since its scan (`present` is false for a bolt
 that is gone). Half of the views are cut to a region of interest around the clamp, as many cells do.
-Rods of through-bolts are main housing: class bolt means heads. `visible_fraction` is the share of 500 points, even by area, on the outer surface of
-a head that have a pixel of that bolt within 0.7 mm; `visible` asks for a tenth and 30 pixels.
+Class bolt means heads; the rods of through-bolts are main housing. `visible_fraction` is the share
+of 500 points, even by area, on the outer surface of a head that have a pixel of that bolt within
+0.7 mm; `visible` asks for a tenth and 30 pixels.
 """
 
 LIMITS_TEXT = """
