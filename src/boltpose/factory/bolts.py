@@ -197,7 +197,8 @@ def _hexagon(size: HeadSize, dish_mm: float) -> Manifold:
     # the cone goes on below the head so that it cuts the corners at the top alone
     cone = cylinder(reach, -fall, 0, top_radius_mm=flat)
     if fall < size.height_mm:
-        cone += cylinder(reach, low - 1, -fall)
+        # overlapping: faces that only touch may miss each other by a rounding error
+        cone += cylinder(reach, low - 1, -fall + 0.05 * size.across_mm)
     head = blank ^ cone
     dish = min(dish_mm, 0.4 * size.height_mm)
     if dish > 0:

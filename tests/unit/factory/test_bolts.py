@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from boltpose.errors import ConfigError
@@ -98,6 +98,17 @@ def test_tables_agree_with_the_printed_standards() -> None:
     washer=st.booleans(),
     roll_deg=st.floats(-180, 180),
     shank_mm=st.floats(2, 120),
+)
+@example(
+    head=HeadKind.HEX,
+    thread=5,
+    wide=0.80078125,
+    high=1.0,
+    clogged=0.0,
+    dish_mm=0.0,
+    washer=False,
+    roll_deg=0.0,
+    shank_mm=2.0,
 )
 @settings(max_examples=60, deadline=None)
 def test_every_bolt_is_one_closed_body_inside_its_clearance(
