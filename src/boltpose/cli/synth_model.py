@@ -9,7 +9,7 @@ import typer
 
 from boltpose.cli.console import answer_console, note_console
 from boltpose.cli.outputs import POSES_SUFFIXES, check_output
-from boltpose.errors import InputFileError
+from boltpose.errors import ConfigError, InputFileError
 
 
 def synth_model(
@@ -27,7 +27,10 @@ def synth_model(
     from boltpose.synthesis.user_model import read_spec, write_model
 
     chosen = read_spec(spec)
-    written = write_model(chosen, output)
+    try:
+        written = write_model(chosen, output)
+    except ConfigError as error:  # it names the field, not the file it stands in
+        raise ConfigError(f"{spec}: {error}") from error
     notes = note_console()
     for path in written.files:
         notes.print(f"wrote {path}", soft_wrap=True)

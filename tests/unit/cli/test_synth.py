@@ -118,6 +118,15 @@ def test_a_broken_specification_leaves_no_model(run: Run, tmp_path: Path) -> Non
     assert not (tmp_path / "model").exists()
 
 
+def test_a_motor_that_cannot_be_is_refused_by_file_and_field(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "mine.json").write_text('{"solenoid": {"offset_mm": 30}}')
+    outcome = run("synth", "model", tmp_path / "mine.json", "-o", tmp_path / "model")
+    assert outcome.code == 2
+    assert "mine.json: solenoid.offset_mm: 30 leaves -7.3 mm beside the yoke" in outcome.err
+    assert outcome.err.count("\n") == 1
+    assert not (tmp_path / "model").exists()
+
+
 def test_families_and_clamps_are_listed(run: Run) -> None:
     listed = run("synth", "families").out.split()
     assert {"families", "direct_closed", "outboard", "clamps", "v_blocks"} <= set(listed)
