@@ -82,7 +82,7 @@ def sample_view(
             if attempt == 0:
                 clamp = settings.clamp_of(number, view)
             placed = place_motor(fresh.model, clamp_rng, clamp)
-            scene = _with_motor(placed, changed.model)
+            scene = put_worn_motor(placed, changed.model)
             table_from_camera = suggest_camera(scene, rng(Purpose.CAMERA, attempt))
         with watch.stage("view"):
             sensor_rng = rng(Purpose.SENSOR, attempt)
@@ -114,7 +114,7 @@ def sample_view(
     )
 
 
-def _with_motor(scene: SceneModel, motor: MotorModel) -> SceneModel:
+def put_worn_motor(scene: SceneModel, motor: MotorModel) -> SceneModel:
     """Put the worn motor where the fresh one was clamped.
 
     Fresh meshes have a tenth of the triangles, and a clamp touches metal: the tenths of a
