@@ -1,7 +1,9 @@
 """Every parameter of the hand-held laser scanner, with its unit and where its value comes from.
 
 Sources named below: [t-scan] data sheets of the Leica and Zeiss T-Scan (a laser line swept by
-hand, tracked from outside); [manual] Leica T-Scan manual, surface mode.
+hand, tracked from outside); [manual] Leica T-Scan manual, surface mode. Their figures are quoted
+from memory, and what names no source is our own estimate: put your scanner's sheet beside them
+before you rely on one.
 """
 
 from __future__ import annotations

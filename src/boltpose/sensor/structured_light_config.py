@@ -5,6 +5,10 @@ Zivid 2 M70; [filters] support.zivid.com, 3D settings (outlier, smoothing, contr
 noise filters); [precision] Lv and Qian, Light: Science & Applications 12, 2023: how camera noise
 becomes phase noise and phase noise becomes depth noise; [gamma] Zhang and Huang, Optical
 Engineering 46, 2007: fringe-like errors of phase shifting.
+
+Pixel counts, the terms of [specs] and the camera's axes were looked up while this was written. The
+figures of [m70] and of the papers are quoted from memory, and what names no source is our own
+estimate: put your camera's sheet beside them before you rely on one.
 """
 
 from __future__ import annotations
