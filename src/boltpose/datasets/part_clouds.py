@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import Float32Array, FloatArray, UInt8Array
-from boltpose.datasets.reman18 import Reman18
+from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.errors import DegenerateGeometryError
 from boltpose.geometry.canonical import find_canonical_frame
 from boltpose.geometry.normals import estimate_normals, orient_outward
@@ -73,7 +73,7 @@ def scan_normals(points: FloatArray, neighbours: int = 20) -> FloatArray:
 
 
 def build_part_clouds(
-    data: Reman18, motor: str, config: PartCloudConfig, rng: np.random.Generator
+    data: LabelledMotors, motor: str, config: PartCloudConfig, rng: np.random.Generator
 ) -> tuple[PartCloud, ...]:
     """Read a motor's full scan and make its training clouds; the first is unchanged."""
     scan = data.full_scan(motor)
@@ -142,7 +142,13 @@ class PartCloudSet:
 
     def of_family(self, family: str) -> PartCloudSet:
         """The motors of one family."""
-        kept = [number for number, name in enumerate(self.families) if name == family]
+        return self._only([number for number, name in enumerate(self.families) if name == family])
+
+    def of_motor(self, motor: str) -> PartCloudSet:
+        """One motor by its name; empty if there is none."""
+        return self._only([number for number, name in enumerate(self.motors) if name == motor])
+
+    def _only(self, kept: list[int]) -> PartCloudSet:
         return PartCloudSet(
             motors=tuple(self.motors[number] for number in kept),
             families=tuple(self.families[number] for number in kept),
@@ -151,7 +157,7 @@ class PartCloudSet:
 
 
 def load_part_clouds(
-    data: Reman18,
+    data: LabelledMotors,
     cache: Path,
     *,
     config: PartCloudConfig | None = None,
@@ -212,7 +218,7 @@ def load_part_clouds(
 
 
 def _make_clouds(
-    data: Reman18, motor: str, config: PartCloudConfig, seed: tuple[int, int], path: Path
+    data: LabelledMotors, motor: str, config: PartCloudConfig, seed: tuple[int, int], path: Path
 ) -> bool:
     """Make one motor's file unless it is there; False if the scan has no canonical frame."""
     if path.exists():

@@ -11,18 +11,9 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image
 
-from boltpose.arrays import FloatArray, UInt8Array
+from boltpose.arrays import FloatArray
+from boltpose.datasets.labelled_motors import LabelledCloud
 from boltpose.errors import InputFileError
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class LabelledCloud:
-    """Points with the class of each."""
-
-    points: FloatArray
-    """Shape (N, 3), mm; frame `prior` for a full scan, `camera` for a view."""
-    labels: UInt8Array
-    """Shape (N,), `Part` numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

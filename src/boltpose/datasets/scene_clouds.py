@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from boltpose.arrays import Float32Array, IntArray
-from boltpose.datasets.reman18 import LabelledCloud, Reman18
+from boltpose.datasets.labelled_motors import LabelledCloud, LabelledMotors
 from boltpose.schema import Part
 from boltpose.segmentation.scene_features import (
     SCENE_CONFIG,
@@ -57,7 +57,7 @@ def build_scene_cloud(motor: str, family: str, number: int, view: LabelledCloud)
 
 
 def load_scene_clouds(
-    data: Reman18,
+    data: LabelledMotors,
     cache: Path,
     *,
     workers: int = 1,
@@ -93,7 +93,7 @@ def load_scene_clouds(
     return tuple(clouds)
 
 
-def _describe_view(data: Reman18, motor: str, number: int, path: Path) -> Path:
+def _describe_view(data: LabelledMotors, motor: str, number: int, path: Path) -> Path:
     """Make one view's file unless it is there."""
     if not path.exists():
         view = data.view(motor, number)

@@ -7,7 +7,8 @@ import pytest
 
 from boltpose.datasets import part_clouds
 from boltpose.datasets.part_clouds import PartCloudConfig, load_part_clouds
-from boltpose.datasets.reman18 import LabelledCloud, Reman18
+from boltpose.datasets.labelled_motors import LabelledCloud
+from boltpose.datasets.reman18 import Reman18
 from boltpose.datasets.scene_clouds import build_scene_cloud
 from boltpose.segmentation.part_features import FEATURE_WIDTH
 from boltpose.segmentation.scene_features import SCENE_WIDTH
