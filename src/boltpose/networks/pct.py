@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor, nn
 
+from boltpose.networks.batch_norm import SharedBatchNorm1d
+from boltpose.networks.neighbours import gather, nearest_neighbours
+from boltpose.networks.segmentation_network import SegmentationNetwork, linear_norm_relu
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PctConfig:
-    """Size of the network; the published one has 128 channels and an embedding of 1024."""
+    """Size of the network; the defaults are the published ones."""
 
     inputs: int
     """Numbers per point: coordinates first, then features."""
     classes: int
-    channels: int = 64
+    channels: int = 128
     layers: int = 4
     """Offset-attention layers."""
-    embedding: int = 256
+    embedding: int = 1024
     """Channels the outputs of all layers are fused to."""
-    dropout: float = 0.3
+    head: tuple[int, int] = (512, 256)
+    dropout: float = 0.5
+    """After the first layer of the head."""
+    neighbours: int = 32
+    """Points of a neighbourhood in the input embedding; 0: every point by itself."""
+    fuse_input: bool = False
+    """Whether the input embedding is fused too, beside the outputs of the layers."""
 
     def __post_init__(self) -> None:
         for name in ("inputs", "classes", "layers", "embedding"):
@@ -28,15 +39,29 @@ class PctConfig:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
         if self.channels < 4 or self.channels % 4:
             raise ValueError(f"channels must be a multiple of 4, got {self.channels}")
+        if min(self.head) < 1:
+            raise ValueError(f"head must be >= 1, got {self.head}")
         if not 0 <= self.dropout < 1:
             raise ValueError(f"dropout must be in [0, 1), got {self.dropout}")
+        if self.neighbours < 0:
+            raise ValueError(f"neighbours must be >= 0, got {self.neighbours}")
 
-
-def linear_norm_relu(inputs: int, outputs: int) -> nn.Sequential:
-    """The paper's LBR: linear layer, batch normalisation, ReLU; input of shape (B, inputs, N)."""
-    return nn.Sequential(
-        nn.Conv1d(inputs, outputs, 1, bias=False), nn.BatchNorm1d(outputs), nn.ReLU(inplace=True)
-    )
+    @classmethod
+    def small(
+        cls, inputs: int, classes: int, *, channels: int = 64, layers: int = 2, embedding: int = 256
+    ) -> Self:
+        """The network for inputs that already describe each point's surroundings."""
+        return cls(
+            inputs=inputs,
+            classes=classes,
+            channels=channels,
+            layers=layers,
+            embedding=embedding,
+            head=(2 * channels, channels),
+            dropout=0.3,
+            neighbours=0,
+            fuse_input=True,
+        )
 
 
 def textbook_offset_attention(query: Tensor, value: Tensor) -> Tensor:
@@ -97,46 +122,83 @@ class OffsetAttention(nn.Module):
         return result
 
 
-class Pct(nn.Module):
+class NeighbourEmbedding(nn.Module):
+    """Features of a neighbourhood, the largest of each: the paper's SG layer without sampling.
+
+    Each neighbour q of p enters as (F(q) - F(p), F(p)); two layers, then the maximum over q. The
+    first linear layer is applied before the gathering: W (F(q) - F(p)) + V F(p) needs products
+    per point only, 1/k of the work, for the same numbers.
+
+    Source:
+        Guo et al., Computational Visual Media 7(2), 2021, equations 11 to 13.
+    """
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.near = nn.Conv1d(inputs, outputs, 1, bias=False)
+        self.own = nn.Conv1d(inputs, outputs, 1, bias=False)
+        self.norm = SharedBatchNorm1d(outputs)
+        self.second = linear_norm_relu(outputs, outputs)
+
+    def forward(self, features: Tensor, index: Tensor) -> Tensor:
+        """Shape (B, inputs, N) and neighbours (B, N, K) to (B, outputs, N)."""
+        batch, points, neighbours = index.shape
+        near = self.near(features)
+        own = self.own(features) - near
+        pairs = gather(near.transpose(1, 2), index) + own.transpose(1, 2)[:, :, None]
+        flat = pairs.flatten(1, 2).transpose(1, 2)
+        second = self.second(torch.relu(self.norm(flat)))
+        largest: Tensor = second.reshape(batch, -1, points, neighbours).amax(dim=3)
+        return largest
+
+
+class Pct(SegmentationNetwork):
     """Class scores of every point of a cloud.
 
-    Not as published: the neighbour embedding is replaced by a point-wise one, because the input
-    already describes each point's surroundings at full resolution; inputs are standardised with
-    constants that are part of the network.
+    Not as published:
+        - No class-of-the-object input beside the global features: there is one kind of object.
+        - Two neighbour embeddings on all points, of 128 channels each and with one neighbour
+          search on the coordinates: the text keeps all points for segmentation, the authors'
+          segmentation code has none, their classification code has 128 and 256 on samples.
+        - Linear layers in front of a batch normalisation have no bias; it would cancel.
+        - Inputs are standardised with constants that are part of the network.
+        - `PctConfig.small`: fewer channels and layers, no neighbour embedding, because its input
+          already describes each point's surroundings at full resolution.
 
     Source:
         Guo et al., Computational Visual Media 7(2), 2021, section 3 (segmentation network).
     """
 
-    mean: Tensor
-    scale: Tensor
-
     def __init__(self, config: PctConfig) -> None:
-        super().__init__()
+        super().__init__(config.inputs)
         self.config = config
         channels = config.channels
-        self.register_buffer("mean", torch.zeros(config.inputs))
-        self.register_buffer("scale", torch.ones(config.inputs))
-        self.embed = nn.Sequential(
-            linear_norm_relu(config.inputs, channels), linear_norm_relu(channels, channels)
-        )
+        self.neighbourhoods = nn.ModuleList()
+        if config.neighbours:
+            half = channels // 2
+            self.embed = nn.Sequential(
+                linear_norm_relu(config.inputs, half), linear_norm_relu(half, half)
+            )
+            self.neighbourhoods.append(NeighbourEmbedding(half, channels))
+            self.neighbourhoods.append(NeighbourEmbedding(channels, channels))
+        else:
+            self.embed = nn.Sequential(
+                linear_norm_relu(config.inputs, channels), linear_norm_relu(channels, channels)
+            )
         self.attention = nn.ModuleList([OffsetAttention(channels) for _ in range(config.layers)])
+        levels = config.layers + config.fuse_input
         self.fuse = nn.Sequential(
-            nn.Conv1d(channels * (config.layers + 1), config.embedding, 1, bias=False),
-            nn.BatchNorm1d(config.embedding),
+            nn.Conv1d(channels * levels, config.embedding, 1, bias=False),
+            SharedBatchNorm1d(config.embedding),
             nn.LeakyReLU(0.2),
         )
+        wide, narrow = config.head
         self.head = nn.Sequential(
-            linear_norm_relu(3 * config.embedding, 2 * channels),
+            linear_norm_relu(3 * config.embedding, wide),
             nn.Dropout(config.dropout),
-            linear_norm_relu(2 * channels, channels),
-            nn.Conv1d(channels, config.classes, 1),
+            linear_norm_relu(wide, narrow),
+            nn.Conv1d(narrow, config.classes, 1),
         )
-
-    def set_standardisation(self, mean: Tensor, scale: Tensor) -> None:
-        """Store mean and standard deviation of the inputs, each of shape (inputs,)."""
-        self.mean.copy_(mean)
-        self.scale.copy_(scale)
 
     def forward(self, inputs: Tensor) -> Tensor:
         """Class scores (logits).
@@ -147,12 +209,17 @@ class Pct(nn.Module):
         Returns:
             Shape (B, N, classes); softmax of them is a probability.
         """
-        standard = torch.clamp((inputs - self.mean) / self.scale, -6.0, 6.0)
-        features = self.embed(standard.transpose(1, 2))
+        features = self.embed(self.standardised(inputs).transpose(1, 2))
+        if self.config.neighbours:
+            xyz = inputs[:, :, :3]
+            index = nearest_neighbours(xyz, xyz, self.config.neighbours)
+            for neighbourhood in self.neighbourhoods:
+                features = neighbourhood(features, index)
         levels = [features]
         for layer in self.attention:
             levels.append(layer(levels[-1]))
-        fused = self.fuse(torch.cat(levels, dim=1))
+        used = levels if self.config.fuse_input else levels[1:]
+        fused = self.fuse(torch.cat(used, dim=1))
         largest = fused.amax(dim=2, keepdim=True).expand_as(fused)
         average = fused.mean(dim=2, keepdim=True).expand_as(fused)
         scores: Tensor = self.head(torch.cat([fused, largest, average], dim=1))

@@ -241,12 +241,7 @@ def fit_context(
     """Fit stage two to pooled inputs; returns the network and its last loss."""
     torch.manual_seed(recipe.seed)
     network = Pct(
-        PctConfig(
-            inputs=INPUT_WIDTH,
-            classes=len(PARTS),
-            channels=recipe.channels,
-            layers=recipe.layers,
-        )
+        PctConfig.small(INPUT_WIDTH, len(PARTS), channels=recipe.channels, layers=recipe.layers)
     )
     sample = torch.from_numpy(np.concatenate([inputs[::7] for inputs, _ in pool]))
     network.set_standardisation(sample.mean(0), sample.std(0).clamp_min(1e-3))

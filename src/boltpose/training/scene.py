@@ -214,9 +214,9 @@ def fit_scene(
     """Fit stage two to pooled views."""
     torch.manual_seed(recipe.seed)
     network = Pct(
-        PctConfig(
-            inputs=SCENE_INPUT_WIDTH,
-            classes=2,
+        PctConfig.small(
+            SCENE_INPUT_WIDTH,
+            2,
             channels=recipe.channels,
             layers=recipe.layers,
             embedding=recipe.embedding,

@@ -18,7 +18,7 @@ def _seeded() -> None:
 
 
 def _small(inputs: int = 7) -> Pct:
-    return Pct(PctConfig(inputs=inputs, classes=3, channels=16, layers=2, embedding=32))
+    return Pct(PctConfig.small(inputs, 3, channels=16, layers=2, embedding=32))
 
 
 @pytest.mark.parametrize("sharpness", [0.3, 3.0])

@@ -1,0 +1,29 @@
+"""The segmentation networks by name."""
+
+from __future__ import annotations
+
+from boltpose.errors import ConfigError
+from boltpose.networks.pct import Pct, PctConfig
+from boltpose.networks.segmentation_network import SegmentationNetwork
+
+BACKBONES: tuple[str, ...] = ("pointnet", "pointnet2", "dgcnn", "pct", "pct-small")
+
+
+def build_backbone(name: str, *, inputs: int, classes: int) -> SegmentationNetwork:
+    """Build a network with its published sizes, freshly initialised by torch's random state.
+
+    Args:
+        name: One of `BACKBONES`; `pct-small` is the network behind dense local features.
+        inputs: Numbers per point, coordinates first.
+        classes: Number of classes.
+
+    Raises:
+        ConfigError: Unknown name.
+    """
+    match name:
+        case "pct":
+            return Pct(PctConfig(inputs=inputs, classes=classes))
+        case "pct-small":
+            return Pct(PctConfig.small(inputs, classes))
+        case _:
+            raise ConfigError(f"unknown backbone {name!r}, choose from {', '.join(BACKBONES)}")
