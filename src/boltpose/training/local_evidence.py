@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import load_file, save_file
 
 from boltpose.arrays import Float32Array, IntArray
 from boltpose.networks.point_mlp import PointMlp, PointMlpConfig
-from boltpose.training.loop import Batch, FitConfig, fit
+from boltpose.training.loop import Cloud, FitConfig, fit
+from boltpose.training.weights import load_into, save_weights
 
 Rows = Mapping[str, tuple[Float32Array, IntArray]]
 """Per family the features, (N, C), and the classes, (N,) from 0, of points to learn from."""
@@ -30,12 +30,13 @@ Vary = Callable[[Float32Array, Float32Array, np.random.Generator], Float32Array]
 class LocalEvidenceConfig:
     """Recipe of stage one."""
 
-    batch_rows: int = 2048
+    draw_rows: int = 256
+    """Points drawn together; `fit.batch` such draws make a step."""
     hidden: int = 128
     fit: FitConfig
 
     def __post_init__(self) -> None:
-        for name in ("batch_rows", "hidden"):
+        for name in ("draw_rows", "hidden"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
 
@@ -65,23 +66,30 @@ def fit_local_evidence(
     config: LocalEvidenceConfig,
     vary: Vary,
     *,
+    pretrained: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
-    """Fit stage one on all families but some."""
+    """Fit stage one on all families but some, from scratch or from pretrained weights."""
     left_out = set(without)
     kept = [name for name in sorted(rows) if name not in left_out]
-    features = torch.from_numpy(np.concatenate([rows[name][0] for name in kept]))
-    classes = torch.from_numpy(np.concatenate([rows[name][1] for name in kept]))
+    features = np.concatenate([rows[name][0] for name in kept])
+    classes = np.concatenate([rows[name][1] for name in kept])
     torch.manual_seed(config.fit.seed)
     network = _network(rows, config)
-    network.set_standardisation(features.mean(0), features.std(0).clamp_min(1e-3))
+    if pretrained is None:
+        network.set_standardisation(
+            torch.from_numpy(features.mean(axis=0)),
+            torch.from_numpy(features.std(axis=0)).clamp_min(1e-3),
+        )
+    else:
+        load_into(network, pretrained)
     spread = network.scale.numpy()
 
-    def sample(rng: np.random.Generator) -> Batch:
-        index = torch.from_numpy(rng.integers(0, len(features), size=config.batch_rows))
-        return torch.from_numpy(vary(features[index].numpy(), spread, rng)), classes[index]
+    def draw(rng: np.random.Generator) -> Cloud:
+        index = rng.integers(0, len(features), size=config.draw_rows)
+        return vary(features[index], spread, rng), classes[index]
 
-    fit(network, sample, config.fit, on_step=on_step)
+    fit(network, draw, config.fit, on_step=on_step)
     return network
 
 
@@ -114,6 +122,7 @@ def load_or_fit_local_evidence(
     config: LocalEvidenceConfig,
     vary: Vary,
     *,
+    pretrained: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
     """Read the network that has not seen some families, or fit and keep it."""
@@ -121,11 +130,10 @@ def load_or_fit_local_evidence(
     path = stage_one_path(folder, left_out)
     if path.exists():
         network = _network(rows, config)
-        network.load_state_dict(load_file(path))
+        load_into(network, path)
         return network.eval()
-    network = fit_local_evidence(rows, left_out, config, vary, on_step=on_step)
-    folder.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".tmp")
-    save_file(network.state_dict(), temporary)
-    temporary.replace(path)
+    network = fit_local_evidence(
+        rows, left_out, config, vary, pretrained=pretrained, on_step=on_step
+    )
+    save_weights(path, network, {"left_out": left_out})
     return network

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 
 from boltpose.arrays import Float32Array, IntArray
+from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.part_clouds import PartCloud, PartCloudConfig, load_part_clouds
-from boltpose.datasets.reman18 import Reman18
 from boltpose.networks.pct import Pct, PctConfig
 from boltpose.networks.point_mlp import PointMlp
 from boltpose.schema import Part
@@ -34,7 +34,8 @@ from boltpose.training.local_evidence import (
     load_or_fit_local_evidence,
     predict_local_evidence,
 )
-from boltpose.training.loop import Batch, FitConfig, fit
+from boltpose.training.loop import Cloud, FitConfig, fit
+from boltpose.training.weights import load_into
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +66,6 @@ class PartsConfig:
     sub_cloud: int = 1024
     """Points of a sub-cloud. The paper takes 2048; the features carry the resolution here, and
     half as many give the same scores in half the time."""
-    batch: int = 8
     channels: int = 64
     layers: int = 2
     """Offset-attention layers. The paper has 4; 2 transfer better to an unseen family."""
@@ -86,7 +86,7 @@ class PartsConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("folds", "pool", "sub_cloud", "batch"):
+        for name in ("folds", "pool", "sub_cloud"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
         if not 0 <= self.local_weight < 1:
@@ -128,7 +128,7 @@ class PartNetworks:
 
 
 def train_parts(
-    data: Reman18,
+    data: LabelledMotors,
     leave_out: str | None,
     cache: Path,
     config: PartsConfig | None = None,
@@ -235,7 +235,9 @@ def fit_context(
     pool: Pool,
     recipe: PartsConfig,
     *,
+    pretrained: Path | None = None,
     checkpoint: Path | None = None,
+    log: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> tuple[Pct, float]:
     """Fit stage two to pooled inputs; returns the network and its last loss."""
@@ -243,30 +245,27 @@ def fit_context(
     network = Pct(
         PctConfig.small(INPUT_WIDTH, len(PARTS), channels=recipe.channels, layers=recipe.layers)
     )
-    sample = torch.from_numpy(np.concatenate([inputs[::7] for inputs, _ in pool]))
-    network.set_standardisation(sample.mean(0), sample.std(0).clamp_min(1e-3))
+    if pretrained is None:
+        sample = torch.from_numpy(np.concatenate([inputs[::7] for inputs, _ in pool]))
+        network.set_standardisation(sample.mean(0), sample.std(0).clamp_min(1e-3))
+    else:
+        load_into(network, pretrained)
     jitter = np.float32(recipe.jitter) * network.scale.numpy()
     spread = network.scale[POSITION_ONLY_COLUMNS].numpy()
 
-    def batch(rng: np.random.Generator) -> Batch:
-        clouds: list[Float32Array] = []
-        classes: list[IntArray] = []
-        for _ in range(recipe.batch):
-            inputs, labels = pool[rng.integers(len(pool))]
-            index = rng.choice(len(inputs), size=recipe.sub_cloud, replace=False)
-            cloud = inputs[index]
-            if rng.random() < 0.5:
-                cloud[:, MIRRORED_COLUMNS] *= -1
-            draws = (len(POSITION_ONLY_COLUMNS),)
-            cloud[:, POSITION_ONLY_COLUMNS] = recipe.variation.apply(
-                cloud[:, POSITION_ONLY_COLUMNS], spread, draws, rng
-            )
-            cloud += jitter * rng.standard_normal(cloud.shape, dtype=np.float32)
-            clouds.append(cloud)
-            classes.append(labels[index])
-        return torch.from_numpy(np.stack(clouds)), torch.from_numpy(np.stack(classes))
+    def draw(rng: np.random.Generator) -> Cloud:
+        inputs, labels = pool[int(rng.integers(len(pool)))]
+        index = rng.choice(len(inputs), size=recipe.sub_cloud, replace=False)
+        cloud = inputs[index]
+        if rng.random() < 0.5:
+            cloud[:, MIRRORED_COLUMNS] *= -1
+        cloud[:, POSITION_ONLY_COLUMNS] = recipe.variation.apply(
+            cloud[:, POSITION_ONLY_COLUMNS], spread, (len(POSITION_ONLY_COLUMNS),), rng
+        )
+        cloud += jitter * rng.standard_normal(cloud.shape, dtype=np.float32)
+        return cloud, labels[index]
 
-    loss = fit(network, batch, recipe.fit, checkpoint=checkpoint, on_step=on_step)
+    loss = fit(network, draw, recipe.fit, checkpoint=checkpoint, log=log, on_step=on_step)
     return network, loss
 
 

@@ -11,7 +11,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import Float32Array, IntArray
-from boltpose.datasets.reman18 import Reman18
+from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.scene_clouds import load_scene_clouds
 from boltpose.networks.pct import Pct, PctConfig
 from boltpose.networks.point_mlp import PointMlp
@@ -29,7 +29,8 @@ from boltpose.training.local_evidence import (
     load_or_fit_local_evidence,
     predict_local_evidence,
 )
-from boltpose.training.loop import Batch, FitConfig, fit
+from boltpose.training.loop import FitConfig, fit
+from boltpose.training.weights import load_into
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,6 @@ class SceneConfig:
     )
     sub_cloud: int = 1024
     """Voxels of a sub-cloud."""
-    batch: int = 8
     channels: int = 48
     layers: int = 2
     embedding: int = 128
@@ -62,7 +62,7 @@ class SceneConfig:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for name in ("folds", "sub_cloud", "batch"):
+        for name in ("folds", "sub_cloud"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be >= 1, got {getattr(self, name)}")
         low, high = self.scale_range
@@ -130,7 +130,7 @@ def sample_scene(
 
 
 def train_scene(
-    data: Reman18,
+    data: LabelledMotors,
     leave_out: str | None,
     cache: Path,
     config: SceneConfig | None = None,
@@ -208,7 +208,9 @@ def fit_scene(
     pool: Pool,
     recipe: SceneConfig,
     *,
+    pretrained: Path | None = None,
     checkpoint: Path | None = None,
+    log: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> Pct:
     """Fit stage two to pooled views."""
@@ -222,20 +224,21 @@ def fit_scene(
             embedding=recipe.embedding,
         )
     )
-    rng = np.random.default_rng(recipe.seed)
-    seen = torch.from_numpy(
-        np.concatenate([augment(inputs[::5], recipe, rng) for inputs, _ in pool])
-    )
-    network.set_standardisation(seen.mean(0), seen.std(0).clamp_min(1e-3))
-
-    def batch(rng: np.random.Generator) -> Batch:
-        drawn = [
-            sample_scene(pool[rng.integers(len(pool))], recipe, rng) for _ in range(recipe.batch)
-        ]
-        return (
-            torch.from_numpy(np.stack([inputs for inputs, _ in drawn])),
-            torch.from_numpy(np.stack([classes for _, classes in drawn])),
+    if pretrained is None:
+        rng = np.random.default_rng(recipe.seed)
+        seen = torch.from_numpy(
+            np.concatenate([augment(inputs[::5], recipe, rng) for inputs, _ in pool])
         )
+        network.set_standardisation(seen.mean(0), seen.std(0).clamp_min(1e-3))
+    else:
+        load_into(network, pretrained)
 
-    fit(network, batch, recipe.fit, checkpoint=checkpoint, on_step=on_step)
+    fit(
+        network,
+        lambda rng: sample_scene(pool[int(rng.integers(len(pool)))], recipe, rng),
+        recipe.fit,
+        checkpoint=checkpoint,
+        log=log,
+        on_step=on_step,
+    )
     return network
