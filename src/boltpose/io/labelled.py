@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -56,13 +57,33 @@ def write_ply(
         columns += [(name, "<u1", rgb[:, i]) for i, name in enumerate(names)]
     if labels is not None:
         columns.append(("label", "<u1", _checked_bytes(labels, "labels", (len(cloud),))))
-    rows = np.zeros(len(cloud), dtype=[(name, dtype) for name, dtype, _ in columns])
-    for name, _, values in columns:
-        rows[name] = values
+    write_ply_columns(path, columns, comment="boltpose, millimetres", binary=binary)
+
+
+def write_ply_columns(
+    path: str | Path,
+    columns: Sequence[tuple[str, str, AnyArray]],
+    *,
+    comment: str,
+    binary: bool = True,
+) -> None:
+    """Write named columns as the vertices of a PLY file.
+
+    Args:
+        path: The file to make or replace.
+        columns: Name, numpy type (`<f4`, `<f8` or `<u1`) and values, shape (N,), of every
+            property; at least one.
+        comment: What the header says of the file; one line of ascii.
+        binary: Little-endian binary if true, else ascii.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    rows = stack_columns(columns)
     header = [
         "ply",
         f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
-        "comment boltpose, millimetres",
+        f"comment {comment}",
         f"element vertex {len(rows)}",
         *(f"property {_PLY_TYPES[dtype[1:]]} {name}" for name, dtype, _ in columns),
         "end_header\n",
@@ -79,6 +100,15 @@ def write_ply(
             stream.write(("\n".join(lines) + "\n").encode("ascii"))
 
     write_atomic(path, write)
+
+
+def stack_columns(columns: Sequence[tuple[str, str, AnyArray]]) -> npt.NDArray[np.void]:
+    """Join columns to packed rows; shape (N,), one field per column."""
+    dtype = [(name, dtype) for name, dtype, _ in columns]
+    rows: npt.NDArray[np.void] = np.zeros(len(columns[0][2]), dtype=dtype)
+    for name, _, values in columns:
+        rows[name] = values
+    return rows
 
 
 def _checked(values: npt.ArrayLike, name: str, shape: tuple[int, ...]) -> AnyArray:

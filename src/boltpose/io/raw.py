@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from boltpose.arrays import AnyArray, UInt8Array
+from boltpose.arrays import AnyArray, BoolArray, UInt8Array
 from boltpose.errors import InputFileError
 from boltpose.schema import Part
 
@@ -26,6 +26,9 @@ class RawCloud:
     """Shape (N, 3), float."""
     labels: AnyArray | None = None
     """Shape (N,), any real dtype, not yet checked."""
+    classification: AnyArray | None = None
+    """The same of a field `Classification`: CloudCompare paints labels into a field of that name,
+    airborne scans keep classes of another kind there."""
     grid_shape: tuple[int, int] | None = None
     """Rows and columns, row-major, where the file is organised."""
 
@@ -68,6 +71,7 @@ def assemble_columns(
         colors=colors,
         normals=normals,
         labels=named.get("label"),
+        classification=named.get("classification"),
         grid_shape=grid_shape,
     )
 
@@ -136,6 +140,12 @@ def as_color_channel(values: AnyArray) -> UInt8Array:
     return np.clip(np.rint(floats * factor), 0, 255).astype(np.uint8)
 
 
+def are_labels(labels: AnyArray) -> BoolArray:
+    """Tell which values are `Part` numbers; any real dtype, any shape."""
+    good: BoolArray = (labels >= 0) & (labels <= max(Part))
+    return good & (labels == np.floor(labels)) if labels.dtype.kind == "f" else good
+
+
 def as_labels(path: Path, labels: AnyArray) -> UInt8Array:
     """Check that labels are `Part` numbers.
 
@@ -151,12 +161,9 @@ def as_labels(path: Path, labels: AnyArray) -> UInt8Array:
     """
     if labels.dtype.kind not in "fiu":
         raise InputFileError(path, f"labels of type {labels.dtype}", "integers")
-    largest = max(Part)
-    good = (labels >= 0) & (labels <= largest)
-    if labels.dtype.kind == "f":
-        good &= labels == np.floor(labels)
+    good = are_labels(labels)
     if not good.all():
-        found = f"label {labels[~good][0]}"
+        found = f"label {labels[~good][0]:g} on {(~good).sum()} of {len(labels)} points"
         wanted = ", ".join(f"{part.value} {part.name.lower()}" for part in Part)
         raise InputFileError(path, found, wanted)
     return labels.astype(np.uint8)

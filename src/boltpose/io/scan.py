@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from boltpose.io.guard import MAX_POINTS, refusing, require_file
 from boltpose.io.npz import read_npz
 from boltpose.io.pcd import read_pcd
 from boltpose.io.ply import read_ply
-from boltpose.io.raw import RawCloud, as_labels
+from boltpose.io.raw import RawCloud, are_labels, as_labels
 from boltpose.io.units import Unit, as_unit, check_extent, robust_extent
 from boltpose.io.zdf import read_zdf
 from boltpose.schema import Scan
@@ -32,6 +33,24 @@ _READERS: dict[str, Callable[[Path], RawCloud]] = {
 }
 SCAN_SUFFIXES = (*_READERS, ".png")
 """Suffixes that `read_scan` knows."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RawScan:
+    """All rows of a scan's file, and which of them are points."""
+
+    path: Path
+    raw: RawCloud
+    unit: Unit
+    is_valid: BoolArray
+    """Shape (N,); False for holes."""
+
+    @property
+    def points_mm(self) -> FloatArray:
+        """Shape (M, 3), mm, the valid points in their order."""
+        points: FloatArray = pick_rows(self.raw.points, self.is_valid).astype(np.float64)
+        points *= self.unit.mm
+        return points
 
 
 def read_scan(path: str | Path, *, unit: str = Unit.MM, camera: str | Path | None = None) -> Scan:
@@ -55,12 +74,33 @@ def read_scan(path: str | Path, *, unit: str = Unit.MM, camera: str | Path | Non
             valid points.
         UnitError: The size of the data does not fit the unit.
     """
+    every = read_raw_scan(path, unit=unit, camera=camera)
+    with refusing(every.path, _wanted(every.path.suffix.lower())):
+        return _as_scan(every)
+
+
+def read_raw_scan(
+    path: str | Path, *, unit: str = Unit.MM, camera: str | Path | None = None
+) -> RawScan:
+    """Read a scan with its holes, for who writes it again row by row.
+
+    Args:
+        path: As for `read_scan`.
+        unit: As for `read_scan`.
+        camera: As for `read_scan`.
+
+    Returns:
+        The rows as the file has them, in the file's unit.
+
+    Raises:
+        ConfigError: There is no such unit.
+        InputFileError: As for `read_scan`.
+        UnitError: The size of the data does not fit the unit.
+    """
     file = Path(path)
     length_unit = as_unit(unit)
     suffix = file.suffix.lower()
-    wanted = f"a scan, one of {', '.join(SCAN_SUFFIXES)}"
-    if suffix in _MESH_SUFFIXES:
-        wanted += " (meshes are read by `boltpose prior build`)"
+    wanted = _wanted(suffix)
     require_file(file, wanted)
     if suffix not in SCAN_SUFFIXES:
         raise InputFileError(file, f"the suffix '{file.suffix}'", wanted)
@@ -69,11 +109,21 @@ def read_scan(path: str | Path, *, unit: str = Unit.MM, camera: str | Path | Non
     camera_file = None if camera is None else Path(camera)
     raw = read_depth(file, camera=camera_file) if suffix == ".png" else _READERS[suffix](file)
     with refusing(file, wanted):
-        return _clean(file, raw, length_unit)
+        return RawScan(
+            path=file, raw=raw, unit=length_unit, is_valid=_find_points(file, raw, length_unit)
+        )
 
 
-def _clean(path: Path, raw: RawCloud, unit: Unit) -> Scan:
-    """Drop the holes, check the size and scale to mm."""
+def _wanted(suffix: str) -> str:
+    """Say what can be read, to who came with a file of that suffix."""
+    wanted = f"a scan, one of {', '.join(SCAN_SUFFIXES)}"
+    if suffix in _MESH_SUFFIXES:
+        wanted += " (meshes are read by `boltpose prior build`)"
+    return wanted
+
+
+def _find_points(path: Path, raw: RawCloud, unit: Unit) -> BoolArray:
+    """Tell points from holes and check the size."""
     count = len(raw.points)
     if count > MAX_POINTS:
         raise InputFileError(path, f"{count} points", f"at most {MAX_POINTS}")
@@ -83,26 +133,33 @@ def _clean(path: Path, raw: RawCloud, unit: Unit) -> Scan:
     with np.errstate(invalid="ignore"):  # NaN is compared too
         is_valid &= _all_in_row(np.abs(raw.points) <= MAX_COORDINATE_MM / unit.mm)
     _check_count(path, is_valid)
-    points: FloatArray = _pick(raw.points, is_valid).astype(np.float64)
-    points *= unit.mm
+    return is_valid
+
+
+def _as_scan(every: RawScan) -> Scan:
+    """Drop the holes and scale to mm."""
+    raw, is_valid = every.raw, every.is_valid
     pixels: IntArray | None = None
     if raw.grid_shape is not None:
         pixels = np.argwhere(is_valid.reshape(raw.grid_shape)).astype(np.int64)
     labels: UInt8Array | None = None
     if raw.labels is not None:
-        labels = as_labels(path, _pick(raw.labels, is_valid))
+        labels = as_labels(every.path, pick_rows(raw.labels, is_valid))
+    elif raw.classification is not None:
+        classes = pick_rows(raw.classification, is_valid)
+        labels = as_labels(every.path, classes) if are_labels(classes).all() else None
     normals: FloatArray | None = None
     if raw.normals is not None:
-        normals = _pick(raw.normals, is_valid).astype(np.float64)
+        normals = pick_rows(raw.normals, is_valid).astype(np.float64)
         normals[~np.isfinite(normals).all(axis=1)] = 0.0
     return Scan(
-        points=points,
-        colors=None if raw.colors is None else _pick(raw.colors, is_valid),
+        points=every.points_mm,
+        colors=None if raw.colors is None else pick_rows(raw.colors, is_valid),
         normals=normals,
         labels=labels,
         pixels=pixels,
         grid_shape=raw.grid_shape,
-        source=str(path),
+        source=str(every.path),
     )
 
 
@@ -111,7 +168,7 @@ def _all_in_row(mask: BoolArray) -> BoolArray:
     return mask[:, 0] & mask[:, 1] & mask[:, 2]
 
 
-def _pick(array: AnyArray, mask: BoolArray) -> AnyArray:
+def pick_rows(array: AnyArray, mask: BoolArray) -> AnyArray:
     """Select rows, without a copy when all are wanted."""
     return array if mask.all() else array[mask]
 

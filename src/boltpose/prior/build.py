@@ -7,19 +7,18 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 from threadpoolctl import threadpool_limits
 
 import boltpose
 from boltpose.arrays import FloatArray, IntArray, UInt8Array
 from boltpose.errors import ConfigError, EmptyScanError
 from boltpose.geometry.normals import estimate_normals, orient_outward
-from boltpose.geometry.sampling import voxel_representatives
 from boltpose.geometry.transforms import angle_between_rad
 from boltpose.prior.alignment import AlignmentConfig, align_motor
 from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
 from boltpose.schema import Alignment, Part, Prior, PriorBolt, Scan
 from boltpose.segmentation.predictor import PARTS, PartPredictor, PartProbabilities
+from boltpose.segmentation.thinning import SPACING_MM, STRAY_RATIO, thin_scan
 from boltpose.stages import OnStage, StageClock
 
 
@@ -30,11 +29,11 @@ class BuildConfig:
     use_file_labels: bool = False
     """Take the labels the scan carries (a person's, or a CAD model's named parts) instead of the
     network's. Off by default: labels in a file must not slip in unnoticed."""
-    spacing_mm: float = 0.9
+    spacing_mm: float = SPACING_MM
     """Point spacing the networks know; denser scans are thinned to it."""
     min_points: int = 5000
     """Fewer cannot show a bolt: a head of 8 mm would get about 5 points of a 300 mm motor."""
-    stray_ratio: float = 5.0
+    stray_ratio: float = STRAY_RATIO
     """Points whose 4th neighbour is this many times farther than usual are strays, dropped."""
     normal_neighbours: int = 20
     max_axis_disagreement_rad: float = 0.0175
@@ -139,16 +138,7 @@ def _thin(points: FloatArray, config: BuildConfig) -> IntArray:
     """Indices of the points to work on: no strays, not denser than the networks know."""
     if len(points) < config.min_points:
         return np.arange(len(points))
-    step = max(1, len(points) // 20000)
-    distance, _ = KDTree(points).query(points[::step], k=2, workers=-1)
-    if float(np.median(distance[:, 1])) < config.spacing_mm / 2:
-        keep = voxel_representatives(points, config.spacing_mm)
-    else:
-        keep = np.arange(len(points))
-    kept = points[keep]
-    distance, _ = KDTree(kept).query(kept, k=min(5, len(kept)), workers=-1)
-    reach = distance[:, -1]
-    return keep[reach <= config.stray_ratio * float(np.median(reach))]
+    return thin_scan(points, spacing_mm=config.spacing_mm, stray_ratio=config.stray_ratio)
 
 
 def _as_stored(values: FloatArray) -> FloatArray:
