@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from boltpose.errors import ConfigError
+from boltpose.networks.dgcnn import Dgcnn, DgcnnConfig
 from boltpose.networks.pct import Pct, PctConfig
+from boltpose.networks.pointnet import PointNet, PointNetConfig
+from boltpose.networks.pointnet2 import PointNet2, PointNet2Config
 from boltpose.networks.segmentation_network import SegmentationNetwork
 
 BACKBONES: tuple[str, ...] = ("pointnet", "pointnet2", "dgcnn", "pct", "pct-small")
@@ -21,6 +24,12 @@ def build_backbone(name: str, *, inputs: int, classes: int) -> SegmentationNetwo
         ConfigError: Unknown name.
     """
     match name:
+        case "pointnet":
+            return PointNet(PointNetConfig(inputs=inputs, classes=classes))
+        case "pointnet2":
+            return PointNet2(PointNet2Config(inputs=inputs, classes=classes))
+        case "dgcnn":
+            return Dgcnn(DgcnnConfig(inputs=inputs, classes=classes))
         case "pct":
             return Pct(PctConfig(inputs=inputs, classes=classes))
         case "pct-small":

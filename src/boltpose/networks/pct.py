@@ -9,7 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from boltpose.networks.batch_norm import SharedBatchNorm1d
-from boltpose.networks.neighbours import gather, nearest_neighbours
+from boltpose.networks.layers import EdgeLinear, LinearNormRelu, NormRelu
+from boltpose.networks.neighbours import nearest_neighbours
 from boltpose.networks.segmentation_network import SegmentationNetwork, linear_norm_relu
 
 
@@ -125,31 +126,20 @@ class OffsetAttention(nn.Module):
 class NeighbourEmbedding(nn.Module):
     """Features of a neighbourhood, the largest of each: the paper's SG layer without sampling.
 
-    Each neighbour q of p enters as (F(q) - F(p), F(p)); two layers, then the maximum over q. The
-    first linear layer is applied before the gathering: W (F(q) - F(p)) + V F(p) needs products
-    per point only, 1/k of the work, for the same numbers.
-
     Source:
         Guo et al., Computational Visual Media 7(2), 2021, equations 11 to 13.
     """
 
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
-        self.near = nn.Conv1d(inputs, outputs, 1, bias=False)
-        self.own = nn.Conv1d(inputs, outputs, 1, bias=False)
-        self.norm = SharedBatchNorm1d(outputs)
-        self.second = linear_norm_relu(outputs, outputs)
+        self.edges = EdgeLinear(inputs, outputs)
+        self.act = NormRelu(outputs)
+        self.second = LinearNormRelu(outputs, outputs)
 
     def forward(self, features: Tensor, index: Tensor) -> Tensor:
-        """Shape (B, inputs, N) and neighbours (B, N, K) to (B, outputs, N)."""
-        batch, points, neighbours = index.shape
-        near = self.near(features)
-        own = self.own(features) - near
-        pairs = gather(near.transpose(1, 2), index) + own.transpose(1, 2)[:, :, None]
-        flat = pairs.flatten(1, 2).transpose(1, 2)
-        second = self.second(torch.relu(self.norm(flat)))
-        largest: Tensor = second.reshape(batch, -1, points, neighbours).amax(dim=3)
-        return largest
+        """Shape (B, N, inputs) and neighbours (B, N, K) to (B, N, outputs)."""
+        pairs: Tensor = self.second(self.act(self.edges(features, index)))
+        return pairs.amax(dim=2)
 
 
 class Pct(SegmentationNetwork):
@@ -213,8 +203,10 @@ class Pct(SegmentationNetwork):
         if self.config.neighbours:
             xyz = inputs[:, :, :3]
             index = nearest_neighbours(xyz, xyz, self.config.neighbours)
+            rows = features.transpose(1, 2)
             for neighbourhood in self.neighbourhoods:
-                features = neighbourhood(features, index)
+                rows = neighbourhood(rows, index)
+            features = rows.transpose(1, 2)
         levels = [features]
         for layer in self.attention:
             levels.append(layer(levels[-1]))
