@@ -39,6 +39,9 @@ from boltpose.training.weights import load_into
 
 logger = logging.getLogger(__name__)
 
+PARTS_LOCAL_WEIGHTS = "parts_local.safetensors"
+PARTS_WEIGHTS = "parts.safetensors"
+
 Progress = Callable[[str, int, int, float], None]
 """Called with what is being fitted, the step, the number of steps and the loss."""
 
@@ -133,6 +136,8 @@ def train_parts(
     cache: Path,
     config: PartsConfig | None = None,
     *,
+    run: Path | None = None,
+    pretrained: Path | None = None,
     workers: int = 1,
     on_progress: Progress = lambda what, step, steps, loss: None,
 ) -> PartNetworks:
@@ -141,8 +146,10 @@ def train_parts(
     Args:
         data: The labelled motors.
         leave_out: Family no part of the training may see; None for the shipped networks.
-        cache: Folder for features, stage-one networks and checkpoints.
+        cache: Folder for features, shared by all runs on the same data.
         config: The recipe.
+        run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
+        pretrained: Folder with the weights of both stages to start from.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -151,8 +158,10 @@ def train_parts(
 
     Raises:
         ValueError: There is no such family.
+        InputFileError: The pretrained weights are missing or of other networks.
     """
     recipe = config or PartsConfig()
+    place = cache if run is None else run
     if leave_out is not None:
         data.motors_of(leave_out)
     motors = len(data.motors)
@@ -171,11 +180,12 @@ def train_parts(
     def local(without: set[str]) -> PointMlp:
         name = "local evidence without " + (", ".join(sorted(without)) or "none")
         return load_or_fit_local_evidence(
-            cache / "stage_one",
+            place / "stage_one",
             without,
             rows,
             recipe.local,
             vary,
+            pretrained=None if pretrained is None else pretrained / PARTS_LOCAL_WEIGHTS,
             on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
         )
 
@@ -191,7 +201,9 @@ def train_parts(
     network = fit_context(
         pool,
         recipe,
-        checkpoint=cache / f"parts_without_{leave_out or 'none'}.safetensors",
+        pretrained=None if pretrained is None else pretrained / PARTS_WEIGHTS,
+        checkpoint=place / f"parts_without_{leave_out or 'none'}.safetensors",
+        log=run,
         on_step=lambda step, loss: on_progress("parts", step, recipe.fit.steps, loss),
     )
     return PartNetworks(local=local(outer), context=network[0], loss=network[1])

@@ -8,10 +8,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-import torch
 
+from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.part_clouds import scan_normals
-from boltpose.datasets.reman18 import Reman18
 from boltpose.io.atomic import write_atomic
 from boltpose.schema import Part
 from boltpose.segmentation.models import (
@@ -38,9 +37,11 @@ from boltpose.segmentation.scene_features import (
     VOXEL_MM,
 )
 from boltpose.training.export import export_onnx, round_to_half
-from boltpose.training.parts import PartsConfig, train_parts
-from boltpose.training.scene import SceneConfig, train_scene
+from boltpose.training.hardware import prepare_torch
+from boltpose.training.parts import PARTS_LOCAL_WEIGHTS, PARTS_WEIGHTS, PartsConfig, train_parts
+from boltpose.training.scene import SCENE_LOCAL_WEIGHTS, SCENE_WEIGHTS, SceneConfig, train_scene
 from boltpose.training.scores import SegmentationScores, confusion_matrix, score_confusion
+from boltpose.training.weights import save_weights
 
 METRICS_FILE = "metrics.json"
 
@@ -52,36 +53,44 @@ def _no_progress(what: str, step: int, steps: int, loss: float) -> None:
     """Report nothing."""
 
 
-def prepare_torch() -> None:
-    """Make training fast and the same on every machine with the same processor.
-
-    Attention turns most weights into denormal numbers, on which processors are slow: treating
-    them as zero makes training 2.5 times faster.
-    """
-    torch.set_num_threads(1)
-    torch.set_flush_denormal(True)
+def describe_run(
+    data: LabelledMotors,
+    leave_out: str | None,
+    recipe: Mapping[str, object],
+    pretrained: Path | None,
+) -> dict[str, object]:
+    """What decides the weights of a run, JSON-ready."""
+    return {
+        "data": data.root.name,
+        "motors": [m for m in data.motors if data.family(m) != leave_out],
+        "leave_out": leave_out,
+        "recipe": dict(recipe),
+        "pretrained": None if pretrained is None else pretrained.name,
+    }
 
 
 def train_part_models(
-    data: Reman18,
+    data: LabelledMotors,
     leave_out: str | None,
     cache: Path,
     out: Path,
     config: PartsConfig | None = None,
     *,
-    test: Reman18 | None = None,
+    test: LabelledMotors | None = None,
+    pretrained: Path | None = None,
     workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
-    """Train the part networks and write them as ONNX.
+    """Train the part networks and write them as ONNX; a finished run is scored anew.
 
     Args:
         data: The labelled motors.
         leave_out: Family not to be seen; None for all.
-        cache: Folder for features and checkpoints.
-        out: Folder for parts_local.onnx, parts.onnx and metrics.json.
+        cache: Folder for features.
+        out: Run folder: weights (.safetensors), parts_local.onnx, parts.onnx and metrics.json.
         config: The recipe.
         test: Another data set to score on, all of it, instead of the family left out.
+        pretrained: Run folder of networks to start from.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -90,7 +99,19 @@ def train_part_models(
     """
     recipe = config or PartsConfig()
     prepare_torch()
-    networks = train_parts(data, leave_out, cache, recipe, workers=workers, on_progress=on_progress)
+    networks = train_parts(
+        data,
+        leave_out,
+        cache,
+        recipe,
+        run=out,
+        pretrained=pretrained,
+        workers=workers,
+        on_progress=on_progress,
+    )
+    settings = describe_run(data, leave_out, recipe.describe(), pretrained)
+    save_weights(out / PARTS_LOCAL_WEIGHTS, networks.local, settings)
+    save_weights(out / PARTS_WEIGHTS, networks.context, settings)
     round_to_half(networks.local)
     round_to_half(networks.context)
     export_onnx(
@@ -127,20 +148,33 @@ def train_part_models(
 
 
 def train_scene_model(
-    data: Reman18,
+    data: LabelledMotors,
     leave_out: str | None,
     cache: Path,
     out: Path,
     config: SceneConfig | None = None,
     *,
-    test: Reman18 | None = None,
+    test: LabelledMotors | None = None,
+    pretrained: Path | None = None,
     workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
     """Train the scene networks and write them as ONNX; arguments as for `train_part_models`."""
     recipe = config or SceneConfig()
     prepare_torch()
-    networks = train_scene(data, leave_out, cache, recipe, workers=workers, on_progress=on_progress)
+    networks = train_scene(
+        data,
+        leave_out,
+        cache,
+        recipe,
+        run=out,
+        pretrained=pretrained,
+        workers=workers,
+        on_progress=on_progress,
+    )
+    settings = describe_run(data, leave_out, recipe.describe(), pretrained)
+    save_weights(out / SCENE_LOCAL_WEIGHTS, networks.local, settings)
+    save_weights(out / SCENE_WEIGHTS, networks.context, settings)
     round_to_half(networks.local)
     round_to_half(networks.context)
     export_onnx(
@@ -178,15 +212,17 @@ def train_scene_model(
 
 
 def _held_out(
-    data: Reman18, leave_out: str | None, test: Reman18 | None
-) -> tuple[Reman18, tuple[str, ...]] | None:
+    data: LabelledMotors, leave_out: str | None, test: LabelledMotors | None
+) -> tuple[LabelledMotors, tuple[str, ...]] | None:
     """What to score on: a data set and its motors."""
     if test is not None:
         return test, test.motors
     return None if leave_out is None else (data, data.motors_of(leave_out))
 
 
-def rescore_models(data: Reman18, folder: Path) -> Iterator[tuple[str, str, SegmentationScores]]:
+def rescore_models(
+    data: LabelledMotors, folder: Path
+) -> Iterator[tuple[str, str, SegmentationScores]]:
     """Score the networks of every family left out anew and write their metrics.json.
 
     Args:
@@ -208,7 +244,7 @@ def rescore_models(data: Reman18, folder: Path) -> Iterator[tuple[str, str, Segm
 
 
 def score_parts(
-    predictor: PartPredictor, data: Reman18, motors: tuple[str, ...]
+    predictor: PartPredictor, data: LabelledMotors, motors: tuple[str, ...]
 ) -> SegmentationScores:
     """Score a part predictor on full scans; all points are pooled."""
     confusion = np.zeros((len(PARTS), len(PARTS)), dtype=np.int64)
@@ -220,7 +256,7 @@ def score_parts(
 
 
 def score_scene(
-    predictor: ScenePredictor, data: Reman18, motors: tuple[str, ...]
+    predictor: ScenePredictor, data: LabelledMotors, motors: tuple[str, ...]
 ) -> SegmentationScores:
     """Score a scene predictor on all views of motors; all points are pooled."""
     confusion = np.zeros((2, 2), dtype=np.int64)

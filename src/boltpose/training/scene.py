@@ -32,6 +32,9 @@ from boltpose.training.local_evidence import (
 from boltpose.training.loop import FitConfig, fit
 from boltpose.training.weights import load_into
 
+SCENE_LOCAL_WEIGHTS = "scene_local.safetensors"
+SCENE_WEIGHTS = "scene.safetensors"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneConfig:
@@ -135,6 +138,8 @@ def train_scene(
     cache: Path,
     config: SceneConfig | None = None,
     *,
+    run: Path | None = None,
+    pretrained: Path | None = None,
     workers: int = 1,
     on_progress: Callable[[str, int, int, float], None] = lambda what, step, steps, loss: None,
 ) -> SceneNetworks:
@@ -143,8 +148,10 @@ def train_scene(
     Args:
         data: The labelled motors.
         leave_out: Family no part of the training may see; None for the shipped networks.
-        cache: Folder for features, stage-one networks and checkpoints.
+        cache: Folder for features, shared by all runs on the same data.
         config: The recipe.
+        run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
+        pretrained: Folder with the weights of both stages to start from.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -153,8 +160,10 @@ def train_scene(
 
     Raises:
         ValueError: There is no such family.
+        InputFileError: The pretrained weights are missing or of other networks.
     """
     recipe = config or SceneConfig()
+    place = cache if run is None else run
     if leave_out is not None:
         data.motors_of(leave_out)
     views = sum(data.view_count(motor) for motor in data.motors)
@@ -174,11 +183,12 @@ def train_scene(
     def local(without: set[str]) -> PointMlp:
         name = "local evidence without " + (", ".join(sorted(without)) or "none")
         return load_or_fit_local_evidence(
-            cache / "scene_stage_one",
+            place / "scene_stage_one",
             without,
             rows,
             recipe.local,
             lambda features, spread, rng: features,
+            pretrained=None if pretrained is None else pretrained / SCENE_LOCAL_WEIGHTS,
             on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
         )
 
@@ -198,7 +208,9 @@ def train_scene(
     context = fit_scene(
         pool,
         recipe,
-        checkpoint=cache / f"scene_without_{leave_out or 'none'}.safetensors",
+        pretrained=None if pretrained is None else pretrained / SCENE_WEIGHTS,
+        checkpoint=place / f"scene_without_{leave_out or 'none'}.safetensors",
+        log=run,
         on_step=lambda step, loss: on_progress("scene", step, recipe.fit.steps, loss),
     )
     return SceneNetworks(local=local(outer), context=context)
