@@ -55,14 +55,14 @@ class Budget:
 
 
 BUDGETS: Mapping[str, Budget] = {
-    # 16 motors x 15 epochs x 4 sub-clouds of 2048 points: 960 clouds, 240 steps
+    # 16 motors x 12 epochs x 4 sub-clouds of 2048 points: 768 clouds, 192 steps
     "study": Budget(
         name="study",
-        epochs=15,
+        epochs=12,
         warm_up_epochs=1,
         points_per_epoch=8192,
         learning_rate=1e-3,
-        pretraining_clouds=3840,
+        pretraining_clouds=1536,
     ),
     # does everything once, says nothing
     "quick": Budget(
@@ -178,7 +178,7 @@ TABLE3_ROWS = (
     StudyRow(name="4096 pretrain warm-up", backbone=SMALL, points=4096),
     StudyRow(name="4096 pretrain warm-up x2", backbone=SMALL, points=4096, epochs=2.0),
 )
-BINARY_ROWS = (StudyRow(name="binary", backbone="pct", task="scene"),)
+BINARY_ROWS = (StudyRow(name="binary", backbone=SMALL, task="scene"),)
 CURVE_BACKBONES = ("pct-small", "pointnet2")
 CURVE_BUDGETS = (0.25, 0.5, 1.0, 2.0)
 CURVE_ROWS = tuple(

@@ -13,7 +13,7 @@ BACKBONES: tuple[str, ...] = ("pointnet", "pointnet2", "dgcnn", "pct", "pct-smal
 
 
 def build_backbone(name: str, *, inputs: int, classes: int) -> SegmentationNetwork:
-    """Build a network with its published sizes, freshly initialised by torch's random state.
+    """Build a network with its published layers, freshly initialised by torch's random state.
 
     Args:
         name: One of `BACKBONES`; `pct-small` is the network behind dense local features.
@@ -31,7 +31,8 @@ def build_backbone(name: str, *, inputs: int, classes: int) -> SegmentationNetwo
         case "dgcnn":
             return Dgcnn(DgcnnConfig(inputs=inputs, classes=classes))
         case "pct":
-            return Pct(PctConfig(inputs=inputs, classes=classes))
+            # neighbourhoods of 20 as the motor paper's authors; PCT's own have 32 and cost twice
+            return Pct(PctConfig(inputs=inputs, classes=classes, neighbours=20))
         case "pct-small":
             return Pct(PctConfig.small(inputs, classes))
         case _:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, cast
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import conv1d
 
 from boltpose.networks.batch_norm import SharedBatchNorm1d
 from boltpose.networks.layers import EdgeLinear, LinearNormRelu, NormRelu
@@ -212,7 +213,21 @@ class Pct(SegmentationNetwork):
             levels.append(layer(levels[-1]))
         used = levels if self.config.fuse_input else levels[1:]
         fused = self.fuse(torch.cat(used, dim=1))
-        largest = fused.amax(dim=2, keepdim=True).expand_as(fused)
-        average = fused.mean(dim=2, keepdim=True).expand_as(fused)
-        scores: Tensor = self.head(torch.cat([fused, largest, average], dim=1))
+        scores: Tensor = self.head[1:](self._join_head(fused))
         return scores.transpose(1, 2)
+
+    def _join_head(self, fused: Tensor) -> Tensor:
+        """First layer of the head, of every point's features beside the cloud's two global ones.
+
+        The product with the global features is the same for all points and is taken once; the
+        sum is that of the concatenated features, with a third of the multiplications.
+        """
+        first = cast(nn.Sequential, self.head[0])
+        weight = cast(nn.Conv1d, first[0]).weight
+        width = fused.shape[1]
+        pooled = torch.cat(
+            [fused.amax(dim=2, keepdim=True), fused.mean(dim=2, keepdim=True)], dim=1
+        )
+        joined = conv1d(fused, weight[:, :width]) + conv1d(pooled, weight[:, width:])
+        after: Tensor = first[1:](joined)
+        return after
