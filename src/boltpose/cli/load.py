@@ -11,6 +11,7 @@ from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.io.guard import require_file
 from boltpose.io.hand_eye import read_hand_eye
+from boltpose.io.label_files import read_labelled_scan
 from boltpose.io.mesh import MESH_SUFFIXES, read_mesh
 from boltpose.io.mesh_sampling import sample_mesh
 from boltpose.io.part_names import read_part_names
@@ -22,13 +23,16 @@ _MESH_SEED = 0
 """A mesh is sampled at random; always the same way, so that a prior can be built again."""
 
 
-def read_full_scan(path: Path, *, unit: str | None, parts: Path | None) -> Scan:
+def read_full_scan(
+    path: Path, *, unit: str | None, parts: Path | None, needs_labels: bool = False
+) -> Scan:
     """Read a complete scan, or sample a CAD mesh.
 
     Args:
         path: A scan or a mesh; a `.ply` with faces is a mesh.
         unit: Unit of the file; None for the format's own (mm, but metres for `.glb`).
         parts: File with the classes of a mesh's parts; the scan then carries labels.
+        needs_labels: Refuse a scan without labels; those of the paper's palette count too.
 
     Returns:
         The points in mm, in the file's own frame.
@@ -43,6 +47,8 @@ def read_full_scan(path: Path, *, unit: str | None, parts: Path | None) -> Scan:
         return sample_mesh(read_mesh(path, unit=unit), names_to_part, rng=rng)
     if parts is not None:
         raise ConfigError(f"--parts names the parts of a mesh, but {path} is a scan")
+    if needs_labels:
+        return read_labelled_scan(path, unit=unit or "mm")
     return read_scan(path, unit=unit or "mm")
 
 

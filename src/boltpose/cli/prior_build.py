@@ -58,7 +58,7 @@ def build(
     from boltpose.prior.file import prior_to_json, write_prior
     from boltpose.segmentation.models import load_models
 
-    scan = read_full_scan(source, unit=unit, parts=parts)
+    scan = read_full_scan(source, unit=unit, parts=parts, needs_labels=use_labels)
     takes_file_labels = use_labels or parts is not None
     networks = None if takes_file_labels else load_models(models)
     with StageProgress("building the prior", quiet=as_json) as progress:
