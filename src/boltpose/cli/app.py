@@ -13,10 +13,12 @@ from boltpose import __version__
 from boltpose.cli import (
     demo,
     evaluate,
+    label,
     locate,
     prior_build,
     prior_edit,
     prior_show,
+    reproduce,
     synth,
     synth_model,
     synth_pictures,
@@ -45,6 +47,8 @@ prior_app.command("edit")(prior_edit.edit)
 app.command("locate")(locate.locate_bolts)
 app.command("demo")(demo.run_demo)
 app.command("evaluate")(evaluate.evaluate)
+app.command("label")(label.label_scan)
+app.command("reproduce")(reproduce.reproduce)
 train_app.command("parts")(train.train_parts)
 train_app.command("scene")(train.train_scene)
 synth_app.command("motors")(synth.synth_motors)
