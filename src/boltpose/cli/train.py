@@ -1,101 +1,222 @@
-"""`boltpose train parts|scene`: the networks, from labelled scans to ONNX."""
+"""`boltpose train parts|scene`: networks from labelled scans, on a processor or on many GPUs."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from boltpose.cli.console import note_console
+from boltpose.cli.train_progress import TrainProgress
+from boltpose.datasets.open import cache_folder, open_data_set
 from boltpose.errors import ConfigError, MissingExtraError
 
+if TYPE_CHECKING:
+    from boltpose.training.scores import SegmentationScores
+
 DataOption = Annotated[
-    Path, typer.Option("--data", metavar="DIR", help="The data set, a folder like reman18.")
+    Path,
+    typer.Option(
+        "--data", metavar="DIR", help="Labelled motors: like reman18, or your own labelled scans."
+    ),
+]
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        metavar="RUN",
+        help="Run folder: weights, log, TensorBoard, scores, ONNX. A killed run goes on there.",
+    ),
+]
+InputsOption = Annotated[
+    str,
+    typer.Option(
+        "--inputs",
+        metavar="evidence|features|normals|xyz",
+        help="What the network reads of every point. evidence: the two stages that boltpose uses; "
+        "the others train one backbone on sub-clouds, as the paper does.",
+    ),
+]
+BackboneOption = Annotated[
+    str | None,
+    typer.Option(
+        "--backbone",
+        metavar="pct|pct-small|dgcnn|pointnet2|pointnet",
+        help="By default pct for points, pct-small for evidence.",
+    ),
+]
+PointsOption = Annotated[
+    int | None, typer.Option("--points", min=16, metavar="N", help="Points of a sub-cloud.")
+]
+BatchOption = Annotated[
+    int | None,
+    typer.Option("--batch", min=1, metavar="N", help="Sub-clouds per step and process."),
+]
+EpochsOption = Annotated[
+    float | None,
+    typer.Option("--epochs", metavar="E", help="Epochs of 8192 points of every scan or view."),
+]
+PretrainedOption = Annotated[
+    Path | None,
+    typer.Option("--pretrained", metavar="RUN", help="Run folder whose weights to start from."),
+]
+WarmUpOption = Annotated[
+    float | None,
+    typer.Option(
+        "--warm-up", metavar="E", help="Epochs in which the learning rate rises from 0; 0: none."
+    ),
+]
+RateOption = Annotated[
+    float | None,
+    typer.Option("--learning-rate", metavar="R", help="At its top; it falls to 1 % as a cosine."),
+]
+RecipeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--recipe",
+        metavar="few|fine-tune|many",
+        help="Of evidence networks: few or hundreds of motors. By default few, with --pretrained "
+        "fine-tune.",
+    ),
 ]
 LeaveOutOption = Annotated[
     str,
     typer.Option(
         "--leave-out",
         metavar="FAMILY",
-        help="Family the network must not see; `each` for one after the other, `none` for the "
-        "networks that are shipped.",
+        help="Family the network must not see and is scored on; `each`: one after the other, "
+        "into folders of --out.",
     ),
-]
-OutOption = Annotated[
-    Path, typer.Option("--out", metavar="DIR", help="Folder of the leave-one-out networks.")
-]
-CacheOption = Annotated[
-    Path, typer.Option("--cache", metavar="DIR", help="Features and checkpoints; runs resume.")
 ]
 TestOption = Annotated[
     Path | None,
-    typer.Option(
-        "--test",
-        metavar="DIR",
-        help="Train on all of --data and score on this data set; the networks go to a folder "
-        "zero_shot in --out.",
-    ),
+    typer.Option("--test", metavar="DIR", help="Score on all of this data set instead."),
 ]
-RecipeOption = Annotated[
-    str,
-    typer.Option(
-        "--recipe", metavar="few|many", help="`many` is for hundreds of synthetic motors."
-    ),
+SeedOption = Annotated[int, typer.Option("--seed", metavar="N", help="Of every random choice.")]
+CacheOption = Annotated[
+    Path, typer.Option("--cache", metavar="DIR", help="Features, shared by all runs.")
 ]
 WorkersOption = Annotated[
     int, typer.Option("--workers", min=1, metavar="N", help="Processes that compute features.")
 ]
+AcceleratorOption = Annotated[
+    str, typer.Option("--accelerator", metavar="cpu|cuda|auto", help="What multiplies.")
+]
+DevicesOption = Annotated[
+    int,
+    typer.Option(
+        "--devices", min=1, metavar="N", help="GPUs, or processes, per node; the batch grows."
+    ),
+]
+NodesOption = Annotated[
+    int, typer.Option("--nodes", min=1, metavar="N", help="Under torchrun or SLURM.")
+]
 
 _DATA = Path("data/reman18")
-_OUT = Path("data/models/leave_family_out")
-_CACHE = Path("runs/training")
+_CACHE = Path("runs/features")
 
 
 def train_parts(
+    out: OutOption,
     data: DataOption = _DATA,
+    inputs: InputsOption = "evidence",
+    backbone: BackboneOption = None,
+    points: PointsOption = None,
+    batch: BatchOption = None,
+    epochs: EpochsOption = None,
+    pretrained: PretrainedOption = None,
+    warm_up: WarmUpOption = None,
+    learning_rate: RateOption = None,
+    recipe: RecipeOption = None,
     leave_out: LeaveOutOption = "none",
-    out: OutOption = _OUT,
-    cache: CacheOption = _CACHE,
     test: TestOption = None,
-    recipe: RecipeOption = "few",
+    seed: SeedOption = 0,
+    cache: CacheOption = _CACHE,
     workers: WorkersOption = 1,
+    accelerator: AcceleratorOption = "cpu",
+    devices: DevicesOption = 1,
+    nodes: NodesOption = 1,
 ) -> None:
     """Train the networks that tell the parts of a full scan."""
-    _train("parts", data, leave_out, out, cache, _more(test, recipe, workers))
+    _train("parts", **locals())
 
 
 def train_scene(
+    out: OutOption,
     data: DataOption = _DATA,
+    inputs: InputsOption = "evidence",
+    backbone: BackboneOption = None,
+    points: PointsOption = None,
+    batch: BatchOption = None,
+    epochs: EpochsOption = None,
+    pretrained: PretrainedOption = None,
+    warm_up: WarmUpOption = None,
+    learning_rate: RateOption = None,
+    recipe: RecipeOption = None,
     leave_out: LeaveOutOption = "none",
-    out: OutOption = _OUT,
-    cache: CacheOption = _CACHE,
     test: TestOption = None,
-    recipe: RecipeOption = "few",
+    seed: SeedOption = 0,
+    cache: CacheOption = _CACHE,
     workers: WorkersOption = 1,
+    accelerator: AcceleratorOption = "cpu",
+    devices: DevicesOption = 1,
+    nodes: NodesOption = 1,
 ) -> None:
     """Train the network that tells the motor from its surroundings in a view."""
-    _train("scene", data, leave_out, out, cache, _more(test, recipe, workers))
-
-
-def _more(test: Path | None, recipe: str, workers: int) -> list[str]:
-    """Options that both networks share, as `python -m boltpose.training` takes them."""
-    if recipe not in ("few", "many"):
-        raise ConfigError(f"--recipe must be few or many, got {recipe}")
-    options = ["--recipe", recipe, "--workers", str(workers)]
-    return options if test is None else [*options, "--test", str(test)]
+    _train("scene", **locals())
 
 
 def _train(
-    network: str, data: Path, leave_out: str, out: Path, cache: Path, more: list[str]
+    task: str,
+    *,
+    out: Path,
+    data: Path,
+    leave_out: str,
+    test: Path | None,
+    cache: Path,
+    accelerator: str,
+    devices: int,
+    nodes: int,
+    warm_up: float | None,
+    recipe: str | None,
+    **settings: Any,
 ) -> None:
+    """Check everything that can be checked before torch is loaded, then train."""
+    motors = open_data_set(data)
+    tested = None if test is None else open_data_set(test)
+    if leave_out not in ("each", "none") and leave_out not in motors.families:
+        known = ", ".join(motors.families)
+        raise ConfigError(f"--leave-out must be each, none or one of {known}, got {leave_out}")
     try:
-        from boltpose.training.__main__ import main as run_training
+        from boltpose.training.hardware import Hardware
+        from boltpose.training.jobs import TrainJob, run_job
     except ModuleNotFoundError as error:
         if error.name is not None and error.name.split(".")[0] == "boltpose":
             raise
         raise MissingExtraError(str(error.name), "train") from error
-    places = {"--data": data, "--out": out, "--cache": cache}
-    options = [str(part) for pair in places.items() for part in pair]
-    code = run_training([network, "--leave-out", leave_out, *options, *more])
-    if code:
-        raise typer.Exit(code)
+    chosen = recipe or ("few" if settings["pretrained"] is None else "fine-tune")
+    for family in motors.families if leave_out == "each" else (leave_out,):
+        job = TrainJob(
+            task=task,
+            out=out / family if leave_out == "each" else out,
+            cache=cache_folder(motors, cache),
+            leave_out=None if family == "none" else family,
+            recipe=chosen,
+            warm_up_epochs=warm_up,
+            hardware=Hardware(accelerator=accelerator, devices=devices, nodes=nodes),
+            **settings,
+        )
+        with TrainProgress() as progress:
+            scores = run_job(motors, job, test=tested, on_progress=progress.step)
+        console = note_console()
+        if scores is not None:
+            what = f"without {family}" if test is None else f"on {test}, trained on {data}"
+            console.print(describe_scores(task, what, scores), soft_wrap=True)
+        console.print(f"written: {job.out}", soft_wrap=True)
+
+
+def describe_scores(task: str, what: str, scores: SegmentationScores) -> str:
+    """Scores in one line."""
+    listed = ", ".join(f"{name} {value:.3f}" for name, value in scores.iou.items())
+    return f"{task} {what}: OA {scores.overall_accuracy:.4f}, mIoU {scores.mean_iou:.4f} ({listed})"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.labelled_scans import LabelledScans
 from boltpose.datasets.reman18 import Reman18
 from boltpose.errors import InputFileError
@@ -34,19 +33,15 @@ def open_data_set(root: Path, *, unit: str = Unit.MM) -> Reman18 | LabelledScans
         raise InputFileError(root, error.found, wanted) from None
 
 
-def cache_folder(data: LabelledMotors, base: Path) -> Path:
+def cache_folder(data: Reman18 | LabelledScans, base: Path) -> Path:
     """Where features of a data set may be kept.
 
-    Features are found again by the names of motors. A user's folder changes under the same names
-    (that is what correcting labels is), so its place depends on what its files hold.
+    Features are found again by the names of motors. Other data sets have motors of the same
+    names, and a user's folder changes under them (that is what correcting labels is), so the place
+    depends on what the files hold.
 
     Args:
         data: The motors.
         base: Folder for the caches of all data sets.
-
-    Returns:
-        `base` itself for data that do not change, else a folder in it.
     """
-    if isinstance(data, LabelledScans):
-        return base / f"{data.root.resolve().name}-{data.fingerprint}"
-    return base
+    return base / f"{data.root.resolve().name}-{data.fingerprint}"

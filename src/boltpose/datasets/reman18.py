@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,16 @@ class Reman18:
     def families(self) -> tuple[str, ...]:
         """Names of all families, sorted."""
         return tuple(sorted({self.family(motor) for motor in self.motors}))
+
+    @property
+    def fingerprint(self) -> str:
+        """Twelve hexadecimal digits of names and sizes of all files of motors: for caches."""
+        digest = hashlib.sha256()
+        for path in sorted(self.root.glob("motor_*/**/*")):
+            if path.is_file():
+                name = path.relative_to(self.root).as_posix()
+                digest.update(f"{name} {path.stat().st_size}\0".encode())
+        return digest.hexdigest()[:12]
 
     def family(self, motor: str) -> str:
         """Family of a motor; motors of one family share their construction."""

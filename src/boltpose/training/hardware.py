@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 
 import torch
@@ -56,6 +57,11 @@ class Hardware:
             warnings.simplefilter("ignore")
             fabric.launch()
         return fabric
+
+
+def first_process_first(fabric: Fabric | None) -> AbstractContextManager[None]:
+    """Let one process per node write files that the others then find."""
+    return nullcontext() if fabric is None else fabric.rank_zero_first(local=True)
 
 
 def prepare_torch() -> None:

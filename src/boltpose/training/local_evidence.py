@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from lightning_fabric import Fabric
 
 from boltpose.arrays import Float32Array, IntArray
 from boltpose.networks.point_mlp import PointMlp, PointMlpConfig
@@ -67,6 +68,7 @@ def fit_local_evidence(
     vary: Vary,
     *,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
     """Fit stage one on all families but some, from scratch or from pretrained weights."""
@@ -89,7 +91,7 @@ def fit_local_evidence(
         index = rng.integers(0, len(features), size=config.draw_rows)
         return vary(features[index], spread, rng), classes[index]
 
-    fit(network, draw, config.fit, on_step=on_step)
+    fit(network, draw, config.fit, fabric=fabric, on_step=on_step)
     return network
 
 
@@ -123,6 +125,7 @@ def load_or_fit_local_evidence(
     vary: Vary,
     *,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
 ) -> PointMlp:
     """Read the network that has not seen some families, or fit and keep it."""
@@ -133,7 +136,11 @@ def load_or_fit_local_evidence(
         load_into(network, path)
         return network.eval()
     network = fit_local_evidence(
-        rows, left_out, config, vary, pretrained=pretrained, on_step=on_step
+        rows, left_out, config, vary, pretrained=pretrained, fabric=fabric, on_step=on_step
     )
-    save_weights(path, network, {"left_out": left_out})
+    # every process has looked for the file by now: they fitted together
+    if fabric is None or fabric.is_global_zero:
+        save_weights(path, network, {"left_out": left_out})
+    if fabric is not None:
+        fabric.barrier()
     return network

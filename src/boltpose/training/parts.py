@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from lightning_fabric import Fabric
 
 from boltpose.arrays import Float32Array, IntArray
 from boltpose.datasets.labelled_motors import LabelledMotors
@@ -26,6 +27,7 @@ from boltpose.segmentation.part_features import (
 )
 from boltpose.segmentation.predictor import PARTS
 from boltpose.training.augmentation import POSITION_ONLY_COLUMNS, PositionVariation
+from boltpose.training.hardware import first_process_first
 from boltpose.training.local_evidence import (
     LocalEvidenceConfig,
     Rows,
@@ -108,8 +110,18 @@ class PartsConfig:
             rows_per_cloud=3000,
             extra_rows=700,
             local=replace(base.local, fit=replace(base.local.fit, steps=2000)),
-            pool=6000,
-            fit=replace(base.fit, steps=1000),
+            pool=8000,
+            fit=replace(base.fit, steps=2000),
+        )
+
+    @classmethod
+    def for_fine_tuning(cls) -> PartsConfig:
+        """Recipe for few motors, from networks that have seen many synthetic ones."""
+        base = cls()
+        return replace(
+            base,
+            local=replace(base.local, fit=replace(base.local.fit, steps=600, learning_rate=1e-3)),
+            fit=replace(base.fit, steps=300, learning_rate=1e-3),
         )
 
     def describe(self) -> dict[str, object]:
@@ -138,6 +150,7 @@ def train_parts(
     *,
     run: Path | None = None,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     workers: int = 1,
     on_progress: Progress = lambda what, step, steps, loss: None,
 ) -> PartNetworks:
@@ -150,6 +163,7 @@ def train_parts(
         config: The recipe.
         run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
         pretrained: Folder with the weights of both stages to start from.
+        fabric: Launched hardware; one process on one processor by default.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -166,14 +180,15 @@ def train_parts(
         data.motors_of(leave_out)
     motors = len(data.motors)
     done = iter(range(motors))
-    clouds = load_part_clouds(
-        data,
-        cache / "part_clouds",
-        config=recipe.clouds,
-        seed=recipe.seed,
-        workers=workers,
-        on_motor=lambda motor: on_progress("features", next(done), motors, 0.0),
-    )
+    with first_process_first(fabric):
+        clouds = load_part_clouds(
+            data,
+            cache / "part_clouds",
+            config=recipe.clouds,
+            seed=recipe.seed,
+            workers=workers,
+            on_motor=lambda motor: on_progress("features", next(done), motors, 0.0),
+        )
     rows = draw_rows(clouds, recipe)
     vary = partial(_vary_rows, recipe.variation)
 
@@ -186,6 +201,7 @@ def train_parts(
             recipe.local,
             vary,
             pretrained=None if pretrained is None else pretrained / PARTS_LOCAL_WEIGHTS,
+            fabric=fabric,
             on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
         )
 
@@ -202,6 +218,7 @@ def train_parts(
         pool,
         recipe,
         pretrained=None if pretrained is None else pretrained / PARTS_WEIGHTS,
+        fabric=fabric,
         checkpoint=place / f"parts_without_{leave_out or 'none'}.safetensors",
         log=run,
         on_step=lambda step, loss: on_progress("parts", step, recipe.fit.steps, loss),
@@ -248,6 +265,7 @@ def fit_context(
     recipe: PartsConfig,
     *,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     checkpoint: Path | None = None,
     log: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
@@ -277,7 +295,9 @@ def fit_context(
         cloud += jitter * rng.standard_normal(cloud.shape, dtype=np.float32)
         return cloud, labels[index]
 
-    loss = fit(network, draw, recipe.fit, checkpoint=checkpoint, log=log, on_step=on_step)
+    loss = fit(
+        network, draw, recipe.fit, fabric=fabric, checkpoint=checkpoint, log=log, on_step=on_step
+    )
     return network, loss
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,12 +14,12 @@ from lightning_fabric import Fabric
 from boltpose.arrays import IntArray
 from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.errors import ConfigError, DegenerateGeometryError
-from boltpose.io.atomic import write_atomic
 from boltpose.networks.backbones import BACKBONES, build_backbone
 from boltpose.networks.segmentation_network import SegmentationNetwork
 from boltpose.segmentation.voting import split_randomly
-from boltpose.training.hardware import prepare_torch
+from boltpose.training.hardware import first_process_first, prepare_torch
 from boltpose.training.loop import Cloud, FitConfig, fit
+from boltpose.training.run_folder import CHECKPOINT_FILE, WEIGHTS_FILE, claim_run
 from boltpose.training.sub_clouds import (
     CLASSES,
     PART_VARIATION,
@@ -32,10 +31,6 @@ from boltpose.training.sub_clouds import (
     load_pool,
 )
 from boltpose.training.weights import load_into, read_weights, save_weights
-
-CONFIG_FILE = "config.json"
-WEIGHTS_FILE = "weights.safetensors"
-CHECKPOINT_FILE = "checkpoint.safetensors"
 
 Progress = Callable[[str, int, int, float], None]
 """Called with what is being done, the step, the number of steps and the loss."""
@@ -146,18 +141,19 @@ def train_plain(
     described = _describe(config, motors, pretrained)
     is_first = fabric is None or fabric.is_global_zero
     if is_first:
-        _claim(out, described)
+        claim_run(out, described)
     if weights.exists():
         return weights
     prepare_torch()
-    pool = load_pool(
-        data,
-        motors,
-        config.pool_config(),
-        cache,
-        workers=workers,
-        on_scan=lambda done, total: on_progress("features", done - 1, total, 0.0),
-    )
+    with first_process_first(fabric):
+        pool = load_pool(
+            data,
+            motors,
+            config.pool_config(),
+            cache,
+            workers=workers,
+            on_scan=lambda done, total: on_progress("features", done - 1, total, 0.0),
+        )
     if not pool:
         raise DegenerateGeometryError(f"none of {len(motors)} motors of {data.root} can be used")
     network = _new_network(config)
@@ -258,26 +254,6 @@ def _describe(
     """All that decides the weights, JSON-ready."""
     start = None if pretrained is None else read_weights(_weights_of(pretrained)).sha256
     return {**asdict(config), "motors": sorted(motors), "pretrained": start}
-
-
-def _claim(out: Path, described: dict[str, Any]) -> None:
-    """Write config.json, or make sure that the one there says the same."""
-    path = out / CONFIG_FILE
-    if path.exists():
-        known = json.loads(path.read_text())
-        for name, value in described.items():
-            if known.get(name) != value:
-                raise ConfigError(
-                    f"{path}: {name} was {known.get(name)}, now {value}: choose another --out"
-                )
-        return
-    out.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(described, indent=1, sort_keys=True) + "\n"
-
-    def write(stream: BinaryIO) -> None:
-        stream.write(text.encode())
-
-    write_atomic(path, write)
 
 
 def _weights_of(path: Path) -> Path:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+from lightning_fabric import Fabric
 
 from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.part_clouds import scan_normals
@@ -38,10 +40,23 @@ from boltpose.segmentation.scene_features import (
 )
 from boltpose.training.export import export_onnx, round_to_half
 from boltpose.training.hardware import prepare_torch
-from boltpose.training.parts import PARTS_LOCAL_WEIGHTS, PARTS_WEIGHTS, PartsConfig, train_parts
-from boltpose.training.scene import SCENE_LOCAL_WEIGHTS, SCENE_WEIGHTS, SceneConfig, train_scene
+from boltpose.training.parts import (
+    PARTS_LOCAL_WEIGHTS,
+    PARTS_WEIGHTS,
+    PartNetworks,
+    PartsConfig,
+    train_parts,
+)
+from boltpose.training.run_folder import claim_run
+from boltpose.training.scene import (
+    SCENE_LOCAL_WEIGHTS,
+    SCENE_WEIGHTS,
+    SceneConfig,
+    SceneNetworks,
+    train_scene,
+)
 from boltpose.training.scores import SegmentationScores, confusion_matrix, score_confusion
-from boltpose.training.weights import save_weights
+from boltpose.training.weights import read_weights, save_weights
 
 METRICS_FILE = "metrics.json"
 
@@ -57,15 +72,15 @@ def describe_run(
     data: LabelledMotors,
     leave_out: str | None,
     recipe: Mapping[str, object],
-    pretrained: Path | None,
+    start: Path | None,
 ) -> dict[str, object]:
-    """What decides the weights of a run, JSON-ready."""
+    """What decides the weights of a run, JSON-ready; `start` is the file it started from."""
     return {
         "data": data.root.name,
         "motors": [m for m in data.motors if data.family(m) != leave_out],
         "leave_out": leave_out,
         "recipe": dict(recipe),
-        "pretrained": None if pretrained is None else pretrained.name,
+        "pretrained": None if start is None else read_weights(start).sha256,
     }
 
 
@@ -78,6 +93,7 @@ def train_part_models(
     *,
     test: LabelledMotors | None = None,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
@@ -91,6 +107,8 @@ def train_part_models(
         config: The recipe.
         test: Another data set to score on, all of it, instead of the family left out.
         pretrained: Run folder of networks to start from.
+        fabric: Launched hardware; one process on one processor by default. The first process
+            writes the files.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -99,45 +117,30 @@ def train_part_models(
     """
     recipe = config or PartsConfig()
     prepare_torch()
-    networks = train_parts(
-        data,
-        leave_out,
-        cache,
-        recipe,
-        run=out,
-        pretrained=pretrained,
-        workers=workers,
-        on_progress=on_progress,
-    )
-    settings = describe_run(data, leave_out, recipe.describe(), pretrained)
-    save_weights(out / PARTS_LOCAL_WEIGHTS, networks.local, settings)
-    save_weights(out / PARTS_WEIGHTS, networks.context, settings)
-    round_to_half(networks.local)
-    round_to_half(networks.context)
-    export_onnx(
-        networks.local,
-        out / PARTS_LOCAL_FILE,
-        kind="parts_local",
-        settings={
-            "inputs": FEATURE_WIDTH,
-            "radii_mm": list(FEATURE_CONFIG.radii_mm),
-            "leave_out": leave_out,
-        },
-        sample_shape=(64, FEATURE_WIDTH),
-    )
-    export_onnx(
-        networks.context,
-        out / PARTS_FILE,
-        kind="parts",
-        settings={
-            "inputs": INPUT_WIDTH,
-            "context_radii_mm": list(CONTEXT_RADII_MM),
-            "sub_cloud": recipe.sub_cloud,
-            "local_weight": recipe.local_weight,
-            "leave_out": leave_out,
-        },
-        sample_shape=(2, 256, INPUT_WIDTH),
-    )
+    start = None if pretrained is None else pretrained / PARTS_WEIGHTS
+    settings = describe_run(data, leave_out, recipe.describe(), start)
+    is_first = fabric is None or fabric.is_global_zero
+    if is_first:
+        claim_run(out, {"task": "parts", "inputs": "evidence", **settings})
+    if not (out / PARTS_WEIGHTS).exists():
+        networks = train_parts(
+            data,
+            leave_out,
+            cache,
+            recipe,
+            run=out,
+            pretrained=pretrained,
+            fabric=fabric,
+            workers=workers,
+            on_progress=on_progress,
+        )
+        if is_first:
+            _export_parts(networks, out, recipe, leave_out)
+            # last: the mark of a finished run
+            save_weights(out / PARTS_LOCAL_WEIGHTS, networks.local, settings)
+            save_weights(out / PARTS_WEIGHTS, networks.context, settings)
+    if not is_first:
+        return None
     held_out = _held_out(data, leave_out, test)
     if held_out is None:
         return None
@@ -156,29 +159,88 @@ def train_scene_model(
     *,
     test: LabelledMotors | None = None,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     workers: int = 1,
     on_progress: Progress = _no_progress,
 ) -> SegmentationScores | None:
     """Train the scene networks and write them as ONNX; arguments as for `train_part_models`."""
     recipe = config or SceneConfig()
     prepare_torch()
-    networks = train_scene(
-        data,
-        leave_out,
-        cache,
-        recipe,
-        run=out,
-        pretrained=pretrained,
-        workers=workers,
-        on_progress=on_progress,
-    )
-    settings = describe_run(data, leave_out, recipe.describe(), pretrained)
-    save_weights(out / SCENE_LOCAL_WEIGHTS, networks.local, settings)
-    save_weights(out / SCENE_WEIGHTS, networks.context, settings)
-    round_to_half(networks.local)
-    round_to_half(networks.context)
+    start = None if pretrained is None else pretrained / SCENE_WEIGHTS
+    settings = describe_run(data, leave_out, recipe.describe(), start)
+    is_first = fabric is None or fabric.is_global_zero
+    if is_first:
+        claim_run(out, {"task": "scene", "inputs": "evidence", **settings})
+    if not (out / SCENE_WEIGHTS).exists():
+        networks = train_scene(
+            data,
+            leave_out,
+            cache,
+            recipe,
+            run=out,
+            pretrained=pretrained,
+            fabric=fabric,
+            workers=workers,
+            on_progress=on_progress,
+        )
+        if is_first:
+            _export_scene(networks, out, recipe, leave_out)
+            # last: the mark of a finished run
+            save_weights(out / SCENE_LOCAL_WEIGHTS, networks.local, settings)
+            save_weights(out / SCENE_WEIGHTS, networks.context, settings)
+    if not is_first:
+        return None
+    held_out = _held_out(data, leave_out, test)
+    if held_out is None:
+        return None
+    predictor = OnnxScenePredictor(out / SCENE_LOCAL_FILE, out / SCENE_FILE)
+    scores = score_scene(predictor, *held_out)
+    write_metrics(out, "scene", scores, recipe.describe())
+    return scores
+
+
+def _export_parts(
+    networks: PartNetworks, out: Path, recipe: PartsConfig, leave_out: str | None
+) -> None:
+    """Write both stages as ONNX, rounded to 16 bits; the networks themselves stay as they are."""
+    local, context = deepcopy(networks.local), deepcopy(networks.context)
+    round_to_half(local)
+    round_to_half(context)
     export_onnx(
-        networks.local,
+        local,
+        out / PARTS_LOCAL_FILE,
+        kind="parts_local",
+        settings={
+            "inputs": FEATURE_WIDTH,
+            "radii_mm": list(FEATURE_CONFIG.radii_mm),
+            "leave_out": leave_out,
+        },
+        sample_shape=(64, FEATURE_WIDTH),
+    )
+    export_onnx(
+        context,
+        out / PARTS_FILE,
+        kind="parts",
+        settings={
+            "inputs": INPUT_WIDTH,
+            "context_radii_mm": list(CONTEXT_RADII_MM),
+            "sub_cloud": recipe.sub_cloud,
+            "local_weight": recipe.local_weight,
+            "leave_out": leave_out,
+        },
+        sample_shape=(2, 256, INPUT_WIDTH),
+    )
+
+
+def _export_scene(
+    networks: SceneNetworks, out: Path, recipe: SceneConfig, leave_out: str | None
+) -> None:
+    """Write both stages as ONNX, rounded to 16 bits; the networks themselves stay as they are."""
+    local, context = deepcopy(networks.local), deepcopy(networks.context)
+    round_to_half(local)
+    round_to_half(context)
+    export_onnx(
+        local,
         out / SCENE_LOCAL_FILE,
         kind="scene_local",
         settings={
@@ -190,7 +252,7 @@ def train_scene_model(
         sample_shape=(64, len(LOCAL_COLUMNS)),
     )
     export_onnx(
-        networks.context,
+        context,
         out / SCENE_FILE,
         kind="scene",
         settings={
@@ -202,13 +264,6 @@ def train_scene_model(
         },
         sample_shape=(2, 256, SCENE_INPUT_WIDTH),
     )
-    held_out = _held_out(data, leave_out, test)
-    if held_out is None:
-        return None
-    predictor = OnnxScenePredictor(out / SCENE_LOCAL_FILE, out / SCENE_FILE)
-    scores = score_scene(predictor, *held_out)
-    write_metrics(out, "scene", scores, recipe.describe())
-    return scores
 
 
 def _held_out(

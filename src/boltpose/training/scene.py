@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from lightning_fabric import Fabric
 from scipy.spatial.transform import Rotation
 
 from boltpose.arrays import Float32Array, IntArray
@@ -22,6 +23,7 @@ from boltpose.segmentation.scene_features import (
     SCENE_INPUT_WIDTH,
     assemble_scene_inputs,
 )
+from boltpose.training.hardware import first_process_first
 from boltpose.training.local_evidence import (
     LocalEvidenceConfig,
     cross_fitting_folds,
@@ -87,6 +89,16 @@ class SceneConfig:
             fit=replace(base.fit, steps=1500),
         )
 
+    @classmethod
+    def for_fine_tuning(cls) -> SceneConfig:
+        """Recipe for few views, from networks that have seen many synthetic ones."""
+        base = cls()
+        return replace(
+            base,
+            local=replace(base.local, fit=replace(base.local.fit, steps=600, learning_rate=1e-3)),
+            fit=replace(base.fit, steps=400, learning_rate=1e-3),
+        )
+
     def describe(self) -> dict[str, object]:
         """The recipe as JSON-ready values, for model cards and metrics."""
         return asdict(self)
@@ -140,6 +152,7 @@ def train_scene(
     *,
     run: Path | None = None,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     workers: int = 1,
     on_progress: Callable[[str, int, int, float], None] = lambda what, step, steps, loss: None,
 ) -> SceneNetworks:
@@ -152,6 +165,7 @@ def train_scene(
         config: The recipe.
         run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
         pretrained: Folder with the weights of both stages to start from.
+        fabric: Launched hardware; one process on one processor by default.
         workers: Processes that compute features; the networks do not depend on it.
         on_progress: Told every step.
 
@@ -168,12 +182,13 @@ def train_scene(
         data.motors_of(leave_out)
     views = sum(data.view_count(motor) for motor in data.motors)
     done = iter(range(views))
-    clouds = load_scene_clouds(
-        data,
-        cache / "scene_clouds",
-        on_view=lambda: on_progress("features", next(done), views, 0.0),
-        workers=workers,
-    )
+    with first_process_first(fabric):
+        clouds = load_scene_clouds(
+            data,
+            cache / "scene_clouds",
+            on_view=lambda: on_progress("features", next(done), views, 0.0),
+            workers=workers,
+        )
     classes = [(cloud.motor_share > 0.5).astype(np.int64) for cloud in clouds]
     rows = join_rows(
         (cloud.family, cloud.described.features[:, LOCAL_COLUMNS], labels)
@@ -189,6 +204,7 @@ def train_scene(
             recipe.local,
             lambda features, spread, rng: features,
             pretrained=None if pretrained is None else pretrained / SCENE_LOCAL_WEIGHTS,
+            fabric=fabric,
             on_step=lambda step, loss: on_progress(name, step, recipe.local.fit.steps, loss),
         )
 
@@ -209,6 +225,7 @@ def train_scene(
         pool,
         recipe,
         pretrained=None if pretrained is None else pretrained / SCENE_WEIGHTS,
+        fabric=fabric,
         checkpoint=place / f"scene_without_{leave_out or 'none'}.safetensors",
         log=run,
         on_step=lambda step, loss: on_progress("scene", step, recipe.fit.steps, loss),
@@ -221,6 +238,7 @@ def fit_scene(
     recipe: SceneConfig,
     *,
     pretrained: Path | None = None,
+    fabric: Fabric | None = None,
     checkpoint: Path | None = None,
     log: Path | None = None,
     on_step: Callable[[int, float], None] = lambda step, loss: None,
@@ -249,6 +267,7 @@ def fit_scene(
         network,
         lambda rng: sample_scene(pool[int(rng.integers(len(pool)))], recipe, rng),
         recipe.fit,
+        fabric=fabric,
         checkpoint=checkpoint,
         log=log,
         on_step=on_step,

@@ -11,7 +11,6 @@ from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.labelled_scans import LabelledScans
 from boltpose.datasets.open import cache_folder, open_data_set
 from boltpose.datasets.part_clouds import PartCloudConfig, load_part_clouds
-from boltpose.datasets.reman18 import Reman18
 from boltpose.datasets.scene_clouds import load_scene_clouds
 from boltpose.errors import ConfigError, InputFileError, UnitError
 from boltpose.io.label_files import write_labelled_scan
@@ -131,10 +130,15 @@ def test_corrected_labels_are_another_data_set_to_caches(mine: Path) -> None:
         places.add(place)
 
 
-def test_reman18_keeps_its_caches() -> None:
-    data = open_data_set(REMAN18)
-    assert isinstance(data, Reman18)
-    assert cache_folder(data, Path("cache")) == Path("cache")
+def test_data_sets_with_the_same_motors_do_not_share_a_cache(tmp_path: Path) -> None:
+    copied = tmp_path / REMAN18.name
+    for motor in ("motor_000", "motor_001"):
+        (copied / motor).mkdir(parents=True)
+        for name in ("prior.ply", "prior_gt.json"):
+            (copied / motor / name).write_bytes((REMAN18 / motor / name).read_bytes())
+    places = {cache_folder(open_data_set(root), Path("cache")) for root in (REMAN18, copied)}
+    assert len(places) == 2
+    assert {place.parent for place in places} == {Path("cache")}
 
 
 @pytest.mark.parametrize(
