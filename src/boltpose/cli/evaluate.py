@@ -11,6 +11,7 @@ from boltpose.cli.console import answer_console, note_console
 from boltpose.cli.outputs import check_output
 
 REPORT_SUFFIXES = (".md",)
+PRIORS_SUFFIXES = (".json",)
 
 
 def evaluate(
@@ -37,14 +38,30 @@ def evaluate(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Measure again what is measured already.")
     ] = False,
+    priors_only: Annotated[
+        Path | None,
+        typer.Option(
+            "--priors-only",
+            metavar="JSON",
+            help="Build the priors only, tell what was found and write it here; --models may then "
+            "be one folder of networks for all motors.",
+        ),
+    ] = None,
 ) -> None:
     """Evaluate on labelled data, every motor by networks that saw none of its family."""
     check_output(report, REPORT_SUFFIXES)
+    check_output(priors_only, PRIORS_SUFFIXES)
+    if priors_only is not None:
+        _evaluate_priors(data, models, motors, priors_only)
+        return
 
+    from boltpose.evaluation.calibration_report import report_calibration
     from boltpose.evaluation.foreign import read_foreign, render_foreign
     from boltpose.evaluation.report import render_report, write_report
     from boltpose.evaluation.run import evaluate as run_evaluation
     from boltpose.evaluation.run import read_records
+    from boltpose.evaluation.study_records import read_study_records
+    from boltpose.evaluation.study_tables import render_study
     from boltpose.evaluation.summary import cli_summary
 
     if not report_only:
@@ -54,6 +71,25 @@ def evaluate(
     measured = read_records(records)
     foreign_report = records.parent / "foreign" / "report.json"
     foreign = render_foreign(read_foreign(foreign_report)) if foreign_report.exists() else ""
-    write_report(report, render_report(measured, foreign=foreign))
+    curve = "images/learning_curve.png"
+    study = render_study(
+        read_study_records(records.parent / "study"),
+        picture=curve if (report.parent / curve).exists() else "",
+    )
+    priors, calibration = report_calibration(records.parent, report)
+    text = render_report(
+        measured, foreign=foreign, study=study, priors=priors, calibration=calibration
+    )
+    write_report(report, text)
     answer_console().print(cli_summary(measured))
     note_console().print(f"wrote {report}", soft_wrap=True)
+
+
+def _evaluate_priors(data: Path, models: Path, motors: list[str] | None, out: Path) -> None:
+    from boltpose.evaluation.prior_tables import priors_summary
+    from boltpose.evaluation.priors import evaluate_priors, write_priors
+
+    record = evaluate_priors(data, models, motors=motors, console=note_console())
+    write_priors(out, record)
+    answer_console().print(priors_summary(record))
+    note_console().print(f"wrote {out}", soft_wrap=True)

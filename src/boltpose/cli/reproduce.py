@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from boltpose.cli.console import note_console
+from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import check_output
 from boltpose.errors import InputFileError, MissingExtraError
@@ -151,7 +152,13 @@ def reproduce(
             scenes_cache=scenes_cache or work / "cache_scenes",
             workers=workers,
         )
-        _run(table.value, tables, sources, budget.value, out, work, only or [], redo=redo)
+        try:
+            _run(table.value, tables, sources, budget.value, out, work, only or [], redo=redo)
+        except KeyboardInterrupt:
+            typer.echo(
+                "boltpose: interrupted; finished runs are kept, the same command goes on", err=True
+            )
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
     records = read_study_records(out)
     if not records:
         raise InputFileError(out, "no record of a run", "the folder reproduce wrote to")

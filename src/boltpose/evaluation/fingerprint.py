@@ -26,9 +26,19 @@ SOURCES = (
 )
 """What the numbers follow from; the command line, training and networks' code do not count."""
 RENDERING = frozenset(
-    {"report.py", "tables.py", "targets.py", "summary.py", "statistics.py", "foreign.py"}
+    {
+        "report.py",
+        "tables.py",
+        "targets.py",
+        "summary.py",
+        "statistics.py",
+        "foreign.py",
+        "prior_tables.py",
+        "calibration_tables.py",
+        "calibration_report.py",
+    }
 )
-"""Modules of `evaluation` that only read records."""
+"""Modules of `evaluation` that only read records; `study_*.py` are of another evaluation."""
 
 
 def fingerprint(data: Path, models_dir: Path, request: Iterable[str]) -> str:
@@ -48,7 +58,8 @@ def fingerprint(data: Path, models_dir: Path, request: Iterable[str]) -> str:
     for pattern in SOURCES:
         for path in sorted(PACKAGE.glob(pattern)):
             relative = path.relative_to(PACKAGE)
-            if relative.parts[0] == "evaluation" and relative.name in RENDERING:
+            is_study = relative.name.startswith("study_")
+            if relative.parts[0] == "evaluation" and (relative.name in RENDERING or is_study):
                 continue
             digest.update(f"{relative.as_posix()}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())

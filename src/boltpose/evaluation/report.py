@@ -48,7 +48,13 @@ allowed."""
 
 
 def render_report(
-    records: Sequence[MotorRecord], *, command: str = COMMAND, foreign: str = ""
+    records: Sequence[MotorRecord],
+    *,
+    command: str = COMMAND,
+    foreign: str = "",
+    study: str = "",
+    priors: str = "",
+    calibration: str = "",
 ) -> str:
     """Write the results as Markdown.
 
@@ -56,6 +62,9 @@ def render_report(
         records: One per motor.
         command: What made the records.
         foreign: Section on scans that no one here made, Markdown; left out if empty.
+        study: Section on the paper's study of networks, Markdown; left out if empty.
+        priors: Section on bolts found with other networks, Markdown; left out if empty.
+        calibration: Section on what the probabilities are worth; left out if empty.
 
     Returns:
         The text of `docs/results.md`.
@@ -112,7 +121,10 @@ def render_report(
         tables.time_table(prior_calls),
         f"Peak memory of the process: {peak:.0f} MB after priors and views, {peak_all:.0f} MB with "
         "the must-be-refused set.",
+        *(["## Other networks: bolts of the priors", priors] if priors else []),
+        *(["## Calibration", calibration] if calibration else []),
         *(["## Scans no one here made", foreign] if foreign else []),
+        *(["## The paper's study of networks", study] if study else []),
         "## How it was measured",
         _HOW,
     ]
