@@ -51,8 +51,9 @@ class SharedBatchNorm1d(nn.BatchNorm1d):
 
     def _forward_shared(self, input: Tensor) -> Tensor:
         axes = [0] if input.dim() == 2 else [0, 2]
-        values = input.float()  # statistics in float32 even under autocast
-        count = torch.tensor([values.numel() // values.shape[1]], device=values.device).float()
+        # statistics in float32 at least, also under autocast
+        values = input.to(torch.promote_types(input.dtype, torch.float32))
+        count = values.new_full((1,), values.numel() // values.shape[1])
         # centred second moments in a second exchange: E[x^2] - E[x]^2 would cancel
         first = cast(Tensor, _SumOverProcesses.apply(torch.cat([values.sum(axes), count])))
         total = first[-1].detach()

@@ -1,33 +1,38 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 import torch
+from torch import Tensor, nn
 
+from boltpose.networks.neighbours import gather, nearest_neighbours
 from boltpose.networks.pct import (
+    NeighbourEmbedding,
     OffsetAttention,
     Pct,
     PctConfig,
     offset_attention,
+    sdpa_offset_attention,
     textbook_offset_attention,
 )
-
-
-@pytest.fixture(autouse=True)
-def _seeded() -> None:
-    torch.manual_seed(0)
 
 
 def _small(inputs: int = 7) -> Pct:
     return Pct(PctConfig.small(inputs, 3, channels=16, layers=2, embedding=32))
 
 
-@pytest.mark.parametrize("sharpness", [0.3, 3.0])
-def test_fast_offset_attention_is_the_textbook_one(sharpness: float) -> None:
-    query = (sharpness * torch.randn(2, 8, 150, dtype=torch.float64)).requires_grad_()
-    value = torch.randn(2, 16, 150, dtype=torch.float64).requires_grad_()
+@pytest.mark.parametrize("sharpness", [0.3, 1.0])
+@pytest.mark.parametrize("form", [offset_attention, sdpa_offset_attention])
+def test_fast_offset_attention_is_the_textbook_one(
+    form: Callable[[Tensor, Tensor], Tensor], sharpness: float
+) -> None:
+    dtype = torch.float64 if form is offset_attention else torch.float32
+    query = (sharpness * torch.randn(2, 8, 150, dtype=dtype)).requires_grad_()
+    value = torch.randn(2, 16, 150, dtype=dtype).requires_grad_()
 
     wanted = textbook_offset_attention(query, value)
-    got = offset_attention(query, value)
+    got = form(query, value)
     torch.testing.assert_close(got, wanted, atol=1e-5, rtol=1e-5)
 
     # not a plain sum: its gradient would not see the weights
@@ -60,6 +65,42 @@ def test_permuted_points_get_permuted_scores() -> None:
         )
 
 
+def test_the_head_multiplies_the_features_of_the_whole_cloud_once() -> None:
+    network = _small().double()
+    fused = torch.randn(2, 32, 40, dtype=torch.float64)
+    largest = fused.amax(dim=2, keepdim=True).expand_as(fused)
+    average = fused.mean(dim=2, keepdim=True).expand_as(fused)
+    wanted = network.head[0](torch.cat([fused, largest, average], dim=1))
+    torch.testing.assert_close(network._join_head(fused), wanted)
+
+
+def test_neighbour_embedding_is_the_textbook_one() -> None:
+    layer = NeighbourEmbedding(6, 10).double()
+    features = torch.randn(2, 40, 6, dtype=torch.float64)
+    index = nearest_neighbours(features, features, 5)
+    own = features[:, :, None].expand(-1, -1, 5, -1)
+    pairs = torch.cat([gather(features, index) - own, own], dim=3)
+    wanted = layer.second(layer.act(layer.edges.linear(pairs))).amax(dim=2)
+    torch.testing.assert_close(layer(features, index), wanted)
+
+
+def test_the_small_network_has_the_names_its_files_were_written_with() -> None:
+    network = Pct(PctConfig.small(92, 6))
+    names = {name.rsplit(".", 1)[0] for name in network.state_dict()}
+    assert names == {
+        *("mean", "scale", "embed.0.0", "embed.0.1", "embed.1.0", "embed.1.1", "fuse.0", "fuse.1"),
+        *(f"attention.{n}.{part}" for n in (0, 1) for part in ("query", "value")),
+        *(f"attention.{n}.after.{part}" for n in (0, 1) for part in (0, 1)),
+        *("head.0.0", "head.0.1", "head.2.0", "head.2.1", "head.3"),
+    }
+    assert network.fuse[0].weight.shape == (256, 3 * 64, 1)
+    assert network.head[0][0].weight.shape == (128, 3 * 256, 1)
+    assert network.head[2][0].weight.shape == (64, 128, 1)
+    assert sum(value.numel() for value in network.parameters()) == 185_990
+    drops = [module.p for module in network.modules() if isinstance(module, nn.Dropout)]
+    assert drops == [0.3]
+
+
 def test_standardisation_is_part_of_the_network() -> None:
     network = _small().eval()
     inputs = torch.randn(1, 40, 7)
@@ -79,9 +120,10 @@ def test_an_outlier_is_clipped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("inputs", 0), ("classes", 0), ("channels", 6), ("dropout", 1.0)]
+    ("name", "value"),
+    [("inputs", 0), ("classes", 0), ("channels", 6), ("dropout", 1.0), ("attention", "x")],
 )
-def test_settings_are_checked(name: str, value: float) -> None:
+def test_settings_are_checked(name: str, value: object) -> None:
     settings = {"inputs": 3, "classes": 2, name: value}
     with pytest.raises(ValueError, match=name):
         PctConfig(**settings)  # pyright: ignore[reportArgumentType]
