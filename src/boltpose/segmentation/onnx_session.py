@@ -13,10 +13,15 @@ import onnxruntime
 
 from boltpose.arrays import Float32Array
 from boltpose.errors import InputFileError
+from boltpose.segmentation.farthest_points import nested_centres
 
 
 class OnnxNetwork:
-    """A network with one input, `inputs`, and one output, `logits`; safe to share by threads."""
+    """A network that maps `inputs` to `logits`; safe to share by threads.
+
+    PointNet++ has `centres_1` and `centres_2` as further inputs: what it groups points around.
+    Its settings tell their number, and `run` finds them.
+    """
 
     def __init__(self, path: Path, kind: str) -> None:
         """Check that the file is there; it is read on first use.
@@ -45,11 +50,31 @@ class OnnxNetwork:
         Raises:
             InputFileError: The file is no network, or one of another kind.
         """
-        metadata = self._session.get_modelmeta().custom_metadata_map
-        if metadata.get("boltpose.kind") != self.kind:
-            found = f"kind '{metadata.get('boltpose.kind', 'unknown')}'"
+        self.check_kind()
+        return dict(json.loads(self._metadata.get("boltpose.settings", "{}")))
+
+    def check_kind(self) -> None:
+        """Check that the network is for what it was opened for.
+
+        Raises:
+            InputFileError: The file is no network, or one of another kind.
+        """
+        if self.found_kind != self.kind:
+            found = f"kind '{self.found_kind}'"
             raise InputFileError(self.path, found, f"a network of kind '{self.kind}'")
-        return dict(json.loads(metadata.get("boltpose.settings", "{}")))
+
+    @property
+    def found_kind(self) -> str:
+        """What the file says it is for, whatever was asked for; `unknown` if it does not say.
+
+        Raises:
+            InputFileError: The file is no network.
+        """
+        return self._metadata.get("boltpose.kind", "unknown")
+
+    @cached_property
+    def _metadata(self) -> dict[str, str]:
+        return dict(self._session.get_modelmeta().custom_metadata_map)
 
     @cached_property
     def _session(self) -> onnxruntime.InferenceSession:
@@ -82,9 +107,19 @@ class OnnxNetwork:
             if found != wanted:
                 raise InputFileError(self.path, f"{name} = {found}", f"{name} = {wanted}")
 
+    @property
+    def centre_counts(self) -> tuple[int, ...]:
+        """Most centres on every level the network groups points around; mostly no levels."""
+        return tuple(int(count) for count in self.settings.get("centres", ()))
+
     def run(self, inputs: Float32Array) -> Float32Array:
-        """Class scores of inputs."""
-        logits: Any = self._session.run(["logits"], {"inputs": inputs})[0]
+        """Class scores of inputs: (B, N, inputs) to (B, N, classes), for some (N, inputs) too."""
+        feeds: dict[str, Any] = {"inputs": inputs}
+        counts = self.centre_counts
+        if counts:
+            levels = nested_centres(inputs[:, :, :3], counts)
+            feeds |= {f"centres_{number}": index for number, index in enumerate(levels, start=1)}
+        logits: Any = self._session.run(["logits"], feeds)[0]
         return np.asarray(logits, dtype=np.float32)
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from boltpose.arrays import as_points
-from boltpose.errors import ShapeError
 from boltpose.segmentation.context import Neighbourhoods
 from boltpose.segmentation.onnx_session import OnnxNetwork
 from boltpose.segmentation.part_features import (
@@ -19,7 +17,7 @@ from boltpose.segmentation.part_features import (
     assemble_inputs,
     compute_part_features,
 )
-from boltpose.segmentation.predictor import PartProbabilities
+from boltpose.segmentation.predictor import PartProbabilities, as_full_scan
 from boltpose.segmentation.voting import VotingConfig, label_cloud, label_rows
 
 
@@ -57,10 +55,7 @@ class OnnxPartPredictor:
         """
         self.local.require(inputs=FEATURE_WIDTH, radii_mm=list(FEATURE_CONFIG.radii_mm))
         self.context.require(inputs=INPUT_WIDTH, context_radii_mm=list(CONTEXT_RADII_MM))
-        cloud = as_points(points_prior, "points_prior", at_least=100)
-        directions = as_points(normals, "normals")
-        if directions.shape != cloud.shape:
-            raise ShapeError(f"normals must have shape {cloud.shape}, got {directions.shape}")
+        cloud, directions = as_full_scan(points_prior, normals)
         order = np.lexsort(cloud.T)
         described = compute_part_features(cloud[order], directions[order])
         local = label_rows(self.local, described.features)

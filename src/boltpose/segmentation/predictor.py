@@ -8,7 +8,8 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from boltpose.arrays import Float32Array, UInt8Array
+from boltpose.arrays import Float32Array, FloatArray, UInt8Array, as_points
+from boltpose.errors import ShapeError
 from boltpose.geometry.canonical import CanonicalFrame
 from boltpose.schema import Part
 
@@ -33,6 +34,21 @@ class PartProbabilities:
     def of(self, part: Part) -> Float32Array:
         """Shape (N,), probability of one part."""
         return self.probabilities[:, PARTS.index(part)]
+
+
+def as_full_scan(
+    points_prior: npt.ArrayLike, normals: npt.ArrayLike
+) -> tuple[FloatArray, FloatArray]:
+    """Check the arguments of a `PartPredictor`; points and normals, (N, 3), N >= 100, float64.
+
+    Raises:
+        ShapeError: An argument has the wrong shape, too few rows or values that are not finite.
+    """
+    cloud = as_points(points_prior, "points_prior", at_least=100)
+    directions = as_points(normals, "normals")
+    if directions.shape != cloud.shape:
+        raise ShapeError(f"normals must have shape {cloud.shape}, got {directions.shape}")
+    return cloud, directions
 
 
 class PartPredictor(Protocol):

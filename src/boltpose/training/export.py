@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import json
+import tempfile
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import onnx
-import onnxruntime
+import onnxscript.optimizer
 import torch
 from onnx import TensorProto, helper, numpy_helper
-from torch import nn
+from onnx_ir.passes import common as passes
+from torch import Tensor, nn
+
+from boltpose.arrays import Float32Array
+from boltpose.io.atomic import write_atomic
+from boltpose.segmentation.farthest_points import nested_centres
+from boltpose.segmentation.onnx_session import OnnxNetwork, softmax
 
 OPSET = 18
 _SMALL = 1024
 """Constants with fewer numbers keep float32: halving them saves nothing."""
+_LEAST_POINTS = 64
+"""Clouds of a network that looks at neighbours have so many points: more than it looks at."""
 
 
 def export_onnx(
@@ -42,24 +52,73 @@ def export_onnx(
         Largest difference of class probabilities between the file and the network, on random
         inputs of two other sizes.
     """
+    content = build_onnx(
+        network, kind=kind, settings=settings, sample_shape=sample_shape, half=half
+    )
+    write_onnx(path, content)
+    rng = np.random.default_rng(0)
+    samples: list[Float32Array] = []
+    for factor in (0.5, 1.5):
+        shape = [max(1, int(length * factor)) for length in sample_shape[:-1]]
+        samples.append(rng.normal(size=(*shape, sample_shape[-1])).astype(np.float32))
+    return largest_difference(network, OnnxNetwork(path, kind), samples)
+
+
+def build_onnx(
+    network: nn.Module,
+    *,
+    kind: str,
+    settings: dict[str, Any],
+    sample_shape: tuple[int, ...],
+    half: bool = True,
+) -> bytes:
+    """Turn a network into the content of an ONNX file.
+
+    Layers are kept apart: batch normalisation joined with the weights before it would make other
+    numbers of weights that were rounded to 16 bits.
+
+    Args:
+        network: As for `export_onnx`. Where the settings hold `centres`, the number of centres
+            per level, it takes as many further arguments: indices, as `nested_centres` finds them.
+        kind: As for `export_onnx`, like all that follow.
+        settings: Likewise.
+        sample_shape: Likewise.
+        half: Likewise.
+    """
     network.eval()
     torch.manual_seed(0)
-    free = {axis: torch.export.Dim(f"size_{axis}", min=1) for axis in range(len(sample_shape) - 1)}
+    inputs = torch.randn(sample_shape)
+    levels = _centres(inputs, settings)
+    free = [torch.export.Dim(f"size_{axis}", min=1) for axis in range(len(sample_shape) - 1)]
+    if len(sample_shape) == 3 and sample_shape[1] >= _LEAST_POINTS:
+        # or the exporter would have to allow for clouds with less points than neighbours
+        free[1] = torch.export.Dim("size_1", min=_LEAST_POINTS)
+    shapes: list[dict[int, Any]] = [dict(enumerate(free))]
+    for number, index in enumerate(levels, start=1):
+        centres = torch.export.Dim(f"centres_{number}", min=_LEAST_POINTS, max=index.shape[1])
+        shapes.append({0: free[0], 1: centres})
     with warnings.catch_warnings():
         # torch 2.13's exporter warns about its own use of LeafSpec
         warnings.simplefilter("ignore")
         program = torch.onnx.export(
             network,
-            (torch.randn(sample_shape),),
+            (inputs, *levels),
             dynamo=True,
             opset_version=OPSET,
-            input_names=["inputs"],
+            input_names=["inputs", *(f"centres_{level + 1}" for level in range(len(levels)))],
             output_names=["logits"],
-            dynamic_shapes=(free,),
+            dynamic_shapes=tuple(shapes),
+            optimize=False,
             verbose=False,
         )
     if program is None:
         raise RuntimeError("torch.onnx.export returned nothing")
+    passes.InlinePass()(program.model)
+    onnxscript.optimizer.fold_constants(program.model)
+    onnxscript.optimizer.remove_unused_nodes(program.model)
+    passes.LiftConstantsToInitializersPass(lift_all_constants=True, size_limit=0)(program.model)
+    passes.DeduplicateInitializersPass()(program.model)
+    passes.CommonSubexpressionEliminationPass()(program.model)
     model = program.model_proto
     del model.graph.value_info[:]
     for node in model.graph.node:
@@ -76,11 +135,47 @@ def export_onnx(
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value
     onnx.checker.check_model(model)
+    return model.SerializeToString()
+
+
+def write_onnx(path: Path, content: bytes) -> None:
+    """Write a file, complete or not at all; its folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_bytes(model.SerializeToString())
-    temporary.replace(path)
-    return _largest_difference(network, path, sample_shape)
+
+    def write(stream: BinaryIO) -> None:
+        stream.write(content)
+
+    write_atomic(path, write)
+
+
+def content_difference(
+    network: nn.Module, content: bytes, kind: str, samples: Iterable[Float32Array]
+) -> float:
+    """As `largest_difference`, for the content of a file that is not written yet."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "network.onnx"
+        path.write_bytes(content)
+        return largest_difference(network, OnnxNetwork(path, kind), samples)
+
+
+def largest_difference(
+    network: nn.Module, exported: OnnxNetwork, samples: Iterable[Float32Array]
+) -> float:
+    """Largest difference of class probabilities between a network and its file.
+
+    Args:
+        network: In evaluation mode; finds its own centres where it needs some.
+        exported: The file, as it is used for labelling.
+        samples: Inputs, (..., inputs) each.
+    """
+    largest = 0.0
+    for inputs in samples:
+        with torch.inference_mode():
+            scores: Tensor = network(torch.from_numpy(inputs))
+        difference = np.abs(softmax(exported.run(inputs)) - softmax(scores.numpy())).max()
+        # written so that NaN is not lost
+        largest = largest if difference <= largest else float(difference)
+    return largest
 
 
 def round_to_half(network: nn.Module) -> None:
@@ -89,6 +184,14 @@ def round_to_half(network: nn.Module) -> None:
         for tensor in network.state_dict().values():
             if tensor.is_floating_point() and tensor.numel() >= _SMALL:
                 tensor.copy_(tensor.half().float())
+
+
+def _centres(inputs: Tensor, settings: dict[str, Any]) -> tuple[Tensor, ...]:
+    """Centres of every level the settings speak of."""
+    counts = tuple(settings.get("centres", ()))
+    if not counts:
+        return ()
+    return tuple(torch.from_numpy(index) for index in nested_centres(inputs.numpy(), counts))
 
 
 def _store_half(model: onnx.ModelProto) -> None:
@@ -108,17 +211,3 @@ def _store_half(model: onnx.ModelProto) -> None:
     nodes = [*casts, *model.graph.node]
     del model.graph.node[:]
     model.graph.node.extend(nodes)
-
-
-def _largest_difference(network: nn.Module, path: Path, sample_shape: tuple[int, ...]) -> float:
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    largest = 0.0
-    for factor in (0.5, 1.5):
-        shape = [max(1, int(length * factor)) for length in sample_shape[:-1]]
-        inputs = torch.randn(*shape, sample_shape[-1])
-        with torch.inference_mode():
-            wanted = torch.softmax(network(inputs), dim=-1)
-        got: Any = session.run(["logits"], {"inputs": inputs.numpy()})[0]
-        difference = torch.softmax(torch.from_numpy(got), dim=-1) - wanted
-        largest = max(largest, float(difference.abs().max()))
-    return largest

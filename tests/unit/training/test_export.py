@@ -1,41 +1,101 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import onnxruntime
+import onnx
 import pytest
 import torch
 
+from boltpose.networks.backbones import BACKBONES
 from boltpose.networks.pct import Pct, PctConfig
 from boltpose.networks.point_mlp import PointMlp, PointMlpConfig
+from boltpose.networks.pointnet2 import PointNet2
+from boltpose.networks.segmentation_network import SegmentationNetwork
 from boltpose.segmentation.onnx_session import OnnxNetwork, softmax
 from boltpose.training.calibration import set_temperature
-from boltpose.training.export import export_onnx, round_to_half
+from boltpose.training.export import (
+    build_onnx,
+    export_onnx,
+    largest_difference,
+    round_to_half,
+)
+from tests.support.small_networks import pretend_training, small_network
+
+COLUMNS = 6
+CLASSES = 6
+
+Exported = Callable[[str], tuple[SegmentationNetwork, Path]]
 
 
 @pytest.fixture(scope="module")
-def pct(tmp_path_factory: pytest.TempPathFactory) -> tuple[Pct, Path]:
-    torch.manual_seed(0)
-    network = Pct(PctConfig(inputs=9, classes=4, channels=32, layers=2, embedding=64))
-    network.set_standardisation(torch.randn(9), torch.rand(9) + 0.5)
-    round_to_half(network)
-    path = tmp_path_factory.mktemp("export") / "pct.onnx"
-    export_onnx(network, path, kind="parts", settings={"inputs": 9}, sample_shape=(2, 64, 9))
-    return network, path
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    """Networks and their files, each made once."""
+    made: dict[str, tuple[SegmentationNetwork, Path]] = {}
+
+    def get(backbone: str) -> tuple[SegmentationNetwork, Path]:
+        if backbone not in made:
+            network = small_network(backbone, inputs=COLUMNS, classes=CLASSES)
+            round_to_half(network)
+            settings = {"centres": [512, 128]} if isinstance(network, PointNet2) else {}
+            path = tmp_path_factory.mktemp("export") / f"{backbone}.onnx"
+            path.write_bytes(
+                build_onnx(network, kind="x", settings=settings, sample_shape=(2, 640, COLUMNS))
+            )
+            made[backbone] = network, path
+        return made[backbone]
+
+    return get
 
 
-@pytest.mark.parametrize("shape", [(1, 37, 9), (3, 500, 9)])
-def test_onnx_pct_equals_torch_at_other_sizes(
-    pct: tuple[Pct, Path], shape: tuple[int, int, int]
+def _cylinder(clouds: int, points: int, seed: int) -> np.ndarray:
+    """Sub-clouds of a surface with its normals, as networks read them."""
+    rng = np.random.default_rng(seed)
+    angle = rng.uniform(0, 2 * np.pi, (clouds, points))
+    normal = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=2)
+    height = rng.uniform(-1.5, 1.5, (clouds, points, 1)) * (0, 0, 1)
+    return np.concatenate([0.7 * normal + height, normal], axis=2).astype(np.float32)
+
+
+@pytest.mark.parametrize("backbone", BACKBONES)
+def test_every_backbone_answers_the_same_at_sizes_it_was_not_traced_with(
+    exported: Exported, backbone: str
 ) -> None:
-    network, path = pct
-    inputs = torch.randn(shape)
-    with torch.inference_mode():
-        wanted = network(inputs).numpy()
-    session = onnxruntime.InferenceSession(path, providers=["CPUExecutionProvider"])
-    got = np.asarray(session.run(["logits"], {"inputs": inputs.numpy()})[0])
-    np.testing.assert_allclose(got, wanted, atol=1e-4)
+    network, path = exported(backbone)
+    samples = [
+        _cylinder(1, 1024, 0),
+        _cylinder(3, 700, 1),
+        _cylinder(2, 97, 2),
+        _cylinder(1, 64, 3),
+    ]
+    # both have the same 16-bit weights: what is left is the order of sums
+    assert largest_difference(network, OnnxNetwork(path, "x"), samples) < 1e-5
+
+
+@pytest.mark.parametrize("backbone", BACKBONES)
+def test_files_are_moved_by_their_inputs(exported: Exported, backbone: str) -> None:
+    """A parity of constants would prove nothing."""
+    _, path = exported(backbone)
+    logits = OnnxNetwork(path, "x").run(_cylinder(2, 200, 5))
+    assert np.ptp(softmax(logits), axis=(0, 1)).max() > 0.05
+    assert not np.allclose(logits[0], logits[1], atol=1e-3)
+
+
+def test_pointnet2_takes_its_centres_from_outside(exported: Exported) -> None:
+    _, path = exported("pointnet2")
+    inputs = {entry.name for entry in onnx.load(path).graph.input}
+    assert inputs == {"inputs", "centres_1", "centres_2"}
+    assert OnnxNetwork(path, "x").centre_counts == (512, 128)
+
+
+def test_a_difference_is_found(exported: Exported) -> None:
+    network, path = exported("pct-small")
+    other = small_network("pct-small", inputs=COLUMNS, classes=CLASSES, seed=1)
+    exact = OnnxNetwork(path, "x")
+    assert largest_difference(other, exact, [_cylinder(1, 80, 0)]) > 1e-2
+    poisoned = np.full((1, 80, COLUMNS), np.nan, dtype=np.float32)
+    assert np.isnan(largest_difference(network, exact, [_cylinder(1, 80, 0), poisoned]))
 
 
 @pytest.mark.parametrize("rows", [1, 333])
@@ -52,31 +112,44 @@ def test_onnx_mlp_equals_torch_at_other_sizes(rows: int, tmp_path: Path) -> None
     assert largest < 1e-4
 
 
-def test_large_constants_take_two_bytes(pct: tuple[Pct, Path]) -> None:
-    network, path = pct
+def test_large_constants_take_two_bytes(exported: Exported) -> None:
+    network, path = exported("pct-small")
     numbers = sum(parameter.numel() for parameter in network.parameters())
-    assert path.stat().st_size < 3.5 * numbers
+    assert path.stat().st_size < 2.5 * numbers + 20_000
 
 
-def test_the_file_tells_nothing_of_the_training_machine(pct: tuple[Pct, Path]) -> None:
-    assert b"/work" not in pct[1].read_bytes()
-    assert b"site-packages" not in pct[1].read_bytes()
+def test_constants_can_keep_all_their_bits() -> None:
+    torch.manual_seed(0)
+    network = Pct(PctConfig(inputs=3, classes=2, channels=32, layers=1, embedding=64, neighbours=0))
+    pretend_training(network)
+    model = onnx.load_from_string(
+        build_onnx(network, kind="x", settings={}, sample_shape=(2, 100, 3), half=False)
+    )
+    kept = {constant.name: constant for constant in model.graph.initializer}
+    assert all(constant.data_type != onnx.TensorProto.FLOAT16 for constant in kept.values())
+    weight = network.state_dict()["embed.1.0.weight"].numpy()
+    np.testing.assert_array_equal(onnx.numpy_helper.to_array(kept["embed.1.0.weight"]), weight)
 
 
-def test_the_temperature_is_stored_beside_the_settings(
-    pct: tuple[Pct, Path], tmp_path: Path
-) -> None:
+def test_the_file_tells_nothing_of_the_training_machine(exported: Exported) -> None:
+    content = exported("pct-small")[1].read_bytes()
+    assert b"/work" not in content
+    assert b"site-packages" not in content
+
+
+def test_the_temperature_is_stored_beside_the_settings(exported: Exported, tmp_path: Path) -> None:
     path = tmp_path / "copy.onnx"
-    path.write_bytes(pct[1].read_bytes())
-    assert OnnxNetwork(path, "parts").temperature == 1.0
+    path.write_bytes(exported("pointnet2")[1].read_bytes())
+    assert OnnxNetwork(path, "x").temperature == 1.0
 
     set_temperature(path, 1.37)
 
-    changed = OnnxNetwork(path, "parts")
+    changed = OnnxNetwork(path, "x")
     assert changed.temperature == 1.37
-    assert changed.settings["inputs"] == 9
-    inputs = np.ones((1, 5, 9), dtype=np.float32)
-    np.testing.assert_array_equal(changed.run(inputs), OnnxNetwork(pct[1], "parts").run(inputs))
+    assert changed.settings["centres"] == [512, 128]
+    inputs = _cylinder(1, 70, 0)
+    before = OnnxNetwork(exported("pointnet2")[1], "x")
+    np.testing.assert_array_equal(changed.run(inputs), before.run(inputs))
 
 
 def test_softmax_rows_are_probabilities() -> None:
