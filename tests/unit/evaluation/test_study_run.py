@@ -159,6 +159,41 @@ def test_what_another_process_does_is_left_to_it_and_waited_for(tmp_path: Path) 
     assert not any(name.startswith(busy.name) for name in trainer.trained)
 
 
+_BESIDE = """
+import sys, time
+from pathlib import Path
+from boltpose.evaluation.study_run import StudyEvents, run_study
+from tests.unit.evaluation.study_samples import CountingTrainer
+from tests.unit.evaluation.test_study_run import RUNS
+
+folder = Path(sys.argv[1])
+trainer = CountingTrainer(before_step=lambda out, step: time.sleep(0.02))
+(folder / f"ready_{sys.argv[2]}").touch()
+while len(list(folder.glob("ready_*"))) < 2:
+    time.sleep(0.01)
+run_study(RUNS, trainer, out=folder / "out", work=folder / "work",
+          events=StudyEvents(wait=lambda seconds: time.sleep(0.02)))
+print("\\n".join(trainer.trained))
+"""
+
+
+def test_two_processes_at_once_share_the_work_and_do_nothing_twice(tmp_path: Path) -> None:
+    beside = [
+        subprocess.Popen(
+            [sys.executable, "-c", _BESIDE, str(tmp_path), name], stdout=subprocess.PIPE, text=True
+        )
+        for name in "ab"
+    ]
+    trained = [process.communicate()[0].split() for process in beside]
+    alone = CountingTrainer()
+    run_study(RUNS, alone, out=tmp_path / "alone", work=tmp_path / "work_alone")
+
+    assert [process.returncode for process in beside] == [0, 0]
+    assert sorted([*trained[0], *trained[1]]) == sorted(alone.trained)
+    assert without_times(tmp_path / "out") == without_times(tmp_path / "alone")
+    assert not list(tmp_path.rglob("*.claim"))
+
+
 def test_runs_wait_for_a_pretraining_that_another_process_does(tmp_path: Path) -> None:
     trainer = CountingTrainer()
     runs = plan("table3", only=("2048 pretrain", "2048"))
