@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -112,46 +113,49 @@ def fit(
             if name != "step":
                 state[name] = value.to(hardware.device)
     step_optimizer = cast("torch.optim.Optimizer", wrapped)
-    writer = RunLog(log, start) if log is not None and hardware.is_global_zero else None
-    weights = torch.tensor(config.class_weights or [1.0] * 64, device=hardware.device)
+    weights = torch.tensor(
+        config.class_weights or [1.0] * 64, dtype=torch.float32, device=hardware.device
+    )
     losses: list[float] = []
     model.train()
-    for step in range(start, config.steps):
-        for group in step_optimizer.param_groups:
-            group["lr"] = config.learning_rate * config.rate(step)
-        # dropout: another draw in every process, the same after a resume
-        torch.manual_seed((config.seed * 1_000_003 + step) * 1024 + hardware.global_rank)
-        inputs, classes = _draw_batch(draw, config, step, hardware)
-        step_optimizer.zero_grad(set_to_none=True)
-        with torch.autocast(hardware.device.type, torch.bfloat16, enabled=config.use_bfloat16):
-            scores: Tensor = model(inputs)
-        total = functional.cross_entropy(
-            scores.float().flatten(0, -2),
-            classes,
-            weight=weights[: scores.shape[-1]],
-            label_smoothing=config.label_smoothing,
-            reduction="sum",
-        )
-        # summed over all processes, so that each point counts the same wherever it was drawn
-        mass = _sum_over_processes(hardware, weights[classes].sum())
-        loss = total * hardware.world_size / mass
-        penalty = getattr(network, "penalty", None)
-        hardware.backward(loss if penalty is None else loss + penalty())
-        hardware.clip_gradients(model, step_optimizer, max_norm=config.clip_norm)
-        step_optimizer.step()
-        losses.append(float(_sum_over_processes(hardware, total.detach()) / mass))
-        if writer is not None:
-            rate = config.learning_rate * config.rate(step)
-            writer.add(StepRecord(step=step, loss=losses[-1], rate=rate))
-        if checkpoint is not None and (step + 1) % config.checkpoint_every == 0:
+    with ExitStack() as stack:
+        writer = None
+        if log is not None and hardware.is_global_zero:
+            writer = stack.enter_context(closing(RunLog(log, start)))
+        for step in range(start, config.steps):
+            for group in step_optimizer.param_groups:
+                group["lr"] = config.learning_rate * config.rate(step)
+            # dropout: another draw in every process, the same after a resume
+            torch.manual_seed((config.seed * 1_000_003 + step) * 1024 + hardware.global_rank)
+            inputs, classes = _draw_batch(draw, config, step, hardware)
+            step_optimizer.zero_grad(set_to_none=True)
+            with torch.autocast(hardware.device.type, torch.bfloat16, enabled=config.use_bfloat16):
+                scores: Tensor = model(inputs)
+            total = functional.cross_entropy(
+                scores.float().flatten(0, -2),
+                classes,
+                weight=weights[: scores.shape[-1]],
+                label_smoothing=config.label_smoothing,
+                reduction="sum",
+            )
+            # summed over all processes, so that each point counts the same wherever it was drawn
+            mass = _sum_over_processes(hardware, weights[classes].sum())
+            loss = total * hardware.world_size / mass
+            penalty = getattr(network, "penalty", None)
+            hardware.backward(loss if penalty is None else loss + penalty())
+            hardware.clip_gradients(model, step_optimizer, max_norm=config.clip_norm)
+            step_optimizer.step()
+            losses.append(float(_sum_over_processes(hardware, total.detach()) / mass))
             if writer is not None:
-                writer.flush()
-            if hardware.is_global_zero:
-                save_checkpoint(checkpoint, network, optimizer, step + 1)
-            hardware.barrier()
-        on_step(step, losses[-1])
-    if writer is not None:
-        writer.close()
+                rate = config.learning_rate * config.rate(step)
+                writer.add(StepRecord(step=step, loss=losses[-1], rate=rate))
+            if checkpoint is not None and (step + 1) % config.checkpoint_every == 0:
+                if writer is not None:
+                    writer.flush()
+                if hardware.is_global_zero:
+                    save_checkpoint(checkpoint, network, optimizer, step + 1)
+                hardware.barrier()
+            on_step(step, losses[-1])
     network.cpu().eval()
     if checkpoint is not None and hardware.is_global_zero:
         checkpoint.unlink(missing_ok=True)

@@ -33,14 +33,13 @@ from tests.support.toy_motor import toy_motor
 RECIPE = PartsConfig(
     rows_per_cloud=3000,
     extra_rows=100,
-    local=LocalEvidenceConfig(batch_rows=512, hidden=32, fit=FitConfig(steps=80)),
+    local=LocalEvidenceConfig(draw_rows=64, hidden=32, fit=FitConfig(steps=80)),
     pool=2000,
     sub_cloud=256,
-    batch=2,
     channels=16,
     layers=1,
     variation=PositionVariation(stretch=0.02, shift=0.02),
-    fit=FitConfig(steps=60, learning_rate=5e-3),
+    fit=FitConfig(steps=60, batch=2, learning_rate=5e-3),
 )
 
 
@@ -124,7 +123,7 @@ def test_mirroring_a_motor_flips_only_the_mirrored_columns(
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("pool", 10), ("batch", 0), ("local_weight", 1.0), ("local_weight", -0.1)]
+    ("name", "value"), [("pool", 10), ("folds", 0), ("local_weight", 1.0), ("local_weight", -0.1)]
 )
 def test_settings_are_checked(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=name):

@@ -92,8 +92,8 @@ def test_a_network_trained_on_one_data_set_is_scored_on_all_of_another(tmp_path:
         recipe,
         pool=1024,
         sub_cloud=256,
-        local=replace(recipe.local, fit=replace(recipe.local.fit, steps=150)),
-        fit=replace(recipe.fit, steps=60),
+        local=replace(recipe.local, fit=replace(recipe.local.fit, steps=120)),
+        fit=replace(recipe.fit, steps=40, batch=4),
     )
 
     scores = train_part_models(data, None, tmp_path / "cache", tmp_path / "out", recipe, test=test)
@@ -103,14 +103,6 @@ def test_a_network_trained_on_one_data_set_is_scored_on_all_of_another(tmp_path:
     assert scores.overall_accuracy > 0.8
     written = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert written["parts"]["held_out"] == scores.to_json()
-
-
-def test_test_set_and_left_out_family_exclude_each_other(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    arguments = ["parts", "--data", str(DATA.root), "--test", str(DATA.root)]
-    assert main([*arguments, "--leave-out", "planetary_closed"]) == 2
-    assert "exclude each other" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("count", "folds"), [(6, 6), (14, 3), (2, 3), (1, 1)])
