@@ -18,11 +18,11 @@ from boltpose.cli.outputs import check_output
 from boltpose.errors import InputFileError, MissingExtraError
 
 if TYPE_CHECKING:
-    from boltpose.evaluation.study_plan import DataMark
+    from boltpose.evaluation.study_settings import DataMark
 
 
 class Table(StrEnum):
-    """What can be reproduced, as `boltpose.evaluation.study_plan` knows it (a test compares)."""
+    """What can be reproduced, as `boltpose.evaluation.study_rows` knows it (a test compares)."""
 
     TABLE2 = "table2"
     TABLE3 = "table3"
@@ -33,7 +33,7 @@ class Table(StrEnum):
 
 
 class BudgetName(StrEnum):
-    """Names of budgets, as `boltpose.evaluation.study_plan` knows them (a test compares)."""
+    """Names of budgets, as `boltpose.evaluation.study_rows` knows them (a test compares)."""
 
     QUICK = "quick"
     STUDY = "study"
@@ -133,8 +133,8 @@ def reproduce(
     """Train and test the paper's networks, resumable run by run; several processes may share."""
     check_output(picture, (".png", ".svg", ".pdf"))
 
-    from boltpose.evaluation.study_plan import TABLES
     from boltpose.evaluation.study_records import read_study_records
+    from boltpose.evaluation.study_rows import TABLES
     from boltpose.evaluation.study_tables import render_study, study_as_json
 
     folder = Path("runs/study-quick") if budget is BudgetName.QUICK else Path("runs/study")
@@ -208,8 +208,10 @@ def _run(
         raise MissingExtraError(str(error.name), "train") from error
     from boltpose.cli.study_progress import StudyProgress
     from boltpose.datasets.reman18 import Reman18
-    from boltpose.evaluation.study_plan import BUDGETS, mark_data, plan_study
+    from boltpose.evaluation.study_plan import plan_study
+    from boltpose.evaluation.study_rows import BUDGETS
     from boltpose.evaluation.study_run import StudyEvents, run_study
+    from boltpose.evaluation.study_settings import mark_data
 
     found: dict[str, StudyData] = {}
 

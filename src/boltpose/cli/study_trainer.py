@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from boltpose.evaluation.study_plan import RunSettings, TrainingSettings
 from boltpose.evaluation.study_run import OnTraining, TestCounts, Trained
+from boltpose.evaluation.study_settings import RunSettings, TrainingSettings
 from boltpose.training.plain import PlainConfig
 from boltpose.training.study import (
     CLASS_NAMES,

@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from boltpose.errors import ConfigError
-from boltpose.evaluation.study_plan import CURVE_BACKBONES, CURVE_BUDGETS, CURVE_ROWS
 from boltpose.evaluation.study_records import StudyRecord
+from boltpose.evaluation.study_rows import CURVE_BACKBONES, CURVE_BUDGETS, CURVE_ROWS
 from boltpose.evaluation.study_statistics import METRICS, records_of
 from boltpose.io.atomic import write_atomic
 
@@ -38,7 +38,7 @@ def draw_curve(records: Sequence[StudyRecord], path: Path) -> None:
         ConfigError: There is no run of the curve.
     """
     rows = dict(zip((row.name for row in CURVE_ROWS), CURVE_ROWS, strict=True))
-    figure = Figure(figsize=(6.4, 4.0), dpi=130, layout="constrained")
+    figure = Figure(figsize=(6.4, 4.8), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots()
     is_empty = True
@@ -67,7 +67,7 @@ def draw_curve(records: Sequence[StudyRecord], path: Path) -> None:
     axes.set_xlabel("times the budget of the study's runs")
     axes.set_ylabel("on two held-out motors (split 0, simulated), %")
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside upper center", ncols=len(CURVE_BACKBONES))
     kind = path.suffix.lower().removeprefix(".")
 
     def write(stream: BinaryIO) -> None:

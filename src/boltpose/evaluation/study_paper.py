@@ -36,7 +36,7 @@ PAPER: Mapping[str, Mapping[str, PaperRow]] = {
     },
     "binary": {"binary": PaperRow(overall_accuracy=99.80, mean_iou=99.07)},
 }
-"""Table, row, numbers; rows as in `study_plan.ROWS`. Source: the paper's tables `backbone` and
+"""Table, row, numbers; rows as in `study_rows.ROWS`. Source: the paper's tables `backbone` and
 `supper_parameter` and the paragraph on binary segmentation."""
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from boltpose.errors import InputFileError
 from boltpose.evaluation.codec import decode, encode
-from boltpose.evaluation.study_plan import RunSettings
+from boltpose.evaluation.study_settings import RunSettings
 from boltpose.io.atomic import write_atomic
 
 FORMAT = "boltpose.study/1"

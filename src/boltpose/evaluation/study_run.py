@@ -15,7 +15,7 @@ from boltpose.evaluation.codec import encode
 from boltpose.evaluation.fingerprint import describe_environment
 from boltpose.evaluation.study_claims import claim, claimant
 from boltpose.evaluation.study_clock import CpuClock, read_cpu_s
-from boltpose.evaluation.study_plan import Run, RunSettings, TrainingSettings, digest_of
+from boltpose.evaluation.study_plan import Run
 from boltpose.evaluation.study_records import (
     FORMAT,
     StudyEnvironment,
@@ -26,6 +26,7 @@ from boltpose.evaluation.study_records import (
     thin_losses,
     write_study_record,
 )
+from boltpose.evaluation.study_settings import RunSettings, TrainingSettings, digest_of
 
 WEIGHTS_FILE = "weights.safetensors"
 """Stands in a run folder once its training is finished."""

@@ -7,8 +7,9 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from boltpose.evaluation.study_plan import ROWS, StudyRow, run_name
+from boltpose.evaluation.study_plan import run_name
 from boltpose.evaluation.study_records import StudyRecord
+from boltpose.evaluation.study_rows import ROWS, StudyRow
 
 BOLT = "bolt"
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from boltpose.evaluation.codec import encode
 from boltpose.evaluation.study_paper import EFFECTS, PAPER, PaperRow
-from boltpose.evaluation.study_plan import (
+from boltpose.evaluation.study_records import StudyRecord
+from boltpose.evaluation.study_rows import (
     CURVE_BACKBONES,
     CURVE_BUDGETS,
     PUBLISHED_POINTS,
@@ -16,7 +17,6 @@ from boltpose.evaluation.study_plan import (
     TABLES,
     VIEWS,
 )
-from boltpose.evaluation.study_records import StudyRecord
 from boltpose.evaluation.study_statistics import (
     METRICS,
     MeanSpread,

@@ -7,8 +7,8 @@ import pytest
 
 import boltpose.cli.study_trainer
 from boltpose.cli.reproduce import BudgetName, Table
-from boltpose.evaluation.study_plan import BUDGETS, TABLES
 from boltpose.evaluation.study_records import read_study_records, write_study_record
+from boltpose.evaluation.study_rows import BUDGETS, TABLES
 from tests.unit.cli.conftest import Run
 from tests.unit.evaluation.study_samples import FAMILIES, CountingTrainer, record, row
 

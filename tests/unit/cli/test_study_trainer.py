@@ -10,18 +10,11 @@ import pytest
 
 from boltpose.cli.study_trainer import PlainTrainer
 from boltpose.errors import ConfigError
-from boltpose.evaluation.study_plan import (
-    BUDGETS,
-    Budget,
-    DataMark,
-    Fold,
-    Run,
-    StudyRow,
-    TrainingSettings,
-    plan_run,
-)
+from boltpose.evaluation.study_plan import Fold, Run, plan_run
 from boltpose.evaluation.study_records import read_study_record, record_path
+from boltpose.evaluation.study_rows import BUDGETS, Budget, StudyRow
 from boltpose.evaluation.study_run import StudyEvents, run_study
+from boltpose.evaluation.study_settings import DataMark, TrainingSettings
 from boltpose.training.plain import PlainConfig, load_plain
 from boltpose.training.study import StudyData
 from tests.support.toy_data_set import ToyDataSet

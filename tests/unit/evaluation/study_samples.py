@@ -7,18 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from boltpose.evaluation.study_plan import (
-    BUDGETS,
-    ROWS,
-    DataMark,
-    Run,
-    RunSettings,
-    StudyRow,
-    TrainingSettings,
-    folds_of,
-    plan_run,
-    plan_study,
-)
+from boltpose.evaluation.study_plan import Run, folds_of, plan_run, plan_study
 from boltpose.evaluation.study_records import (
     FORMAT,
     StudyEnvironment,
@@ -26,7 +15,9 @@ from boltpose.evaluation.study_records import (
     score_study,
     thin_losses,
 )
+from boltpose.evaluation.study_rows import BUDGETS, ROWS, StudyRow
 from boltpose.evaluation.study_run import WEIGHTS_FILE, OnTraining, TestCounts, Trained
+from boltpose.evaluation.study_settings import DataMark, RunSettings, TrainingSettings
 
 FAMILIES = {f"motor_{number:03d}": f"family_{number % 6}" for number in range(18)}
 DATA = DataMark(motors=18, digest="0123456789ab")

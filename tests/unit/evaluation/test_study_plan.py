@@ -12,17 +12,9 @@ from hypothesis import strategies as st
 from boltpose.datasets.reman18 import Reman18
 from boltpose.errors import ConfigError, InputFileError
 from boltpose.evaluation.study_paper import EFFECTS, PAPER
-from boltpose.evaluation.study_plan import (
-    BUDGETS,
-    ROWS,
-    TABLES,
-    VIEWS,
-    digest_of,
-    draw_splits,
-    leave_family_out,
-    mark_data,
-    plan_run,
-)
+from boltpose.evaluation.study_plan import draw_splits, leave_family_out, plan_run
+from boltpose.evaluation.study_rows import BUDGETS, ROWS, TABLES, VIEWS
+from boltpose.evaluation.study_settings import digest_of, mark_data
 from tests.unit.evaluation.study_samples import DATA, FAMILIES, SCENES, SYNTHETIC, plan, row
 
 REMAN18 = Path(__file__).parents[3] / "data" / "reman18"

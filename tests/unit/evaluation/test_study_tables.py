@@ -13,8 +13,8 @@ from scipy.stats import kendalltau
 from boltpose.errors import ConfigError
 from boltpose.evaluation.study_curve import draw_curve
 from boltpose.evaluation.study_paper import PAPER
-from boltpose.evaluation.study_plan import ROWS
 from boltpose.evaluation.study_records import StudyRecord
+from boltpose.evaluation.study_rows import ROWS
 from boltpose.evaluation.study_statistics import (
     METRICS,
     MeanSpread,
