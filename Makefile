@@ -10,6 +10,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 CANDIDATES := $(PYTHON) python3.11 python3.12 python3.13 python3 python python3.14
 DATA ?= data/reman18
 DEMO_OUTPUT ?= demo_output
+SYNTHETIC ?= runs/synthetic
+MODELS ?= runs/models
 
 export PIP_PROGRESS_BAR := off
 export MPLBACKEND := Agg
@@ -18,7 +20,7 @@ export MPLBACKEND := Agg
 BLENDER_VENV := .venv-blender
 BLENDER_PYTHON ?= python3.11
 
-.PHONY: help setup fmt check test test-all test-blender test-cluster demo evaluate bench bench-factory docs clean
+.PHONY: help setup fmt check test test-all test-blender test-cluster demo evaluate models bench bench-factory docs clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
@@ -54,6 +56,23 @@ demo: $(VENV)/.core.stamp ## build the shipped motor's prior and locate its bolt
 
 evaluate: $(VENV)/.dev.stamp ## leave-one-family-out on reman18 (long); writes docs/results.md
 	$(BIN)/boltpose evaluate --data $(DATA)
+
+models: $(VENV)/.dev.stamp ## make synthetic data, then train, calibrate and describe all networks (hours)
+	$(BIN)/boltpose synth motors -n 240 --seed 0 --workers 2 -o $(SYNTHETIC)/motors
+	$(BIN)/boltpose synth scenes -n 80 --views 4 --seed 0 --workers 2 -o $(SYNTHETIC)/scenes
+	for task in parts:motors scene:scenes; do \
+	  $(BIN)/boltpose train $${task%:*} --data $(SYNTHETIC)/$${task#*:} --recipe many \
+	    --test $(DATA) --workers 2 --out $(MODELS)/synthetic_$${task%:*}; \
+	  $(BIN)/boltpose train $${task%:*} --data $(DATA) --workers 2 --leave-out each \
+	    --pretrained $(MODELS)/synthetic_$${task%:*} --out $(MODELS)/$${task%:*}; \
+	  $(BIN)/boltpose train $${task%:*} --data $(DATA) \
+	    --pretrained $(MODELS)/synthetic_$${task%:*} --out $(MODELS)/$${task%:*}/shipped; \
+	done
+	$(BIN)/python -m boltpose.training ship --data $(DATA) \
+	  --parts $(MODELS)/parts --scene $(MODELS)/scene
+	$(BIN)/python -m boltpose.training calibrate --data $(DATA)
+	$(BIN)/python -m boltpose.training scores --data $(DATA)
+	$(BIN)/python -m boltpose.training cards --data $(DATA)
 
 bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
 	$(PIP) -e ".[bench]"

@@ -13,6 +13,7 @@ from boltpose import __version__
 from boltpose.cli import (
     demo,
     evaluate,
+    export,
     label,
     locate,
     prior_build,
@@ -47,6 +48,7 @@ prior_app.command("edit")(prior_edit.edit)
 app.command("locate")(locate.locate_bolts)
 app.command("demo")(demo.run_demo)
 app.command("evaluate")(evaluate.evaluate)
+app.command("export")(export.export_network)
 app.command("label")(label.label_scan)
 app.command("reproduce")(reproduce.reproduce)
 train_app.command("parts")(train.train_parts)

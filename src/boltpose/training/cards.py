@@ -27,19 +27,24 @@ attention, {layers} layers, {channels} channels, {parameters}) over random sub-c
 {sub_cloud} points, each with those features, the perceptron's probabilities and their
 averages over 3, 6 and 12 mm. Both vote (geometric mean); one temperature calibrates.
 
-**Data.** reman18, 18 starter motors of 6 families, **simulated** scans (see
-`data/reman18/README.md`). No real scan was used: expect worse on real ones, and
-measure.
+**Data.** First 240 motors of the motor factory (`boltpose synth motors -n 240 --seed 0`,
+16 families, worn; 2 without a canonical frame left out), then reman18, 18 starter
+motors of 6 families from another generator. All scans are **simulated** (see
+`docs/factory.md`, `data/reman18/README.md`). No real scan was used: expect worse on
+real ones, and measure.
 
-**Recipe.** 3 clouds per motor (the scan, and two copies scaled 0.9-1.1, tilted, thinned
-to 60-100 % and with 0.03 mm of noise), mirrored at random; every position column
+**Recipe.** Pretrained on the factory's motors (recipe `many`), then fine-tuned on
+reman18 (recipe `fine-tune`) with 3 clouds per motor (the scan, and two copies scaled
+0.9-1.1, tilted, thinned to 60-100 % and with 0.03 mm of noise), mirrored at random; every position column
 stretched (sigma 10 %) and shifted (sigma 0.3 standard deviations) at random, because
 where a housing ends or a pinion sits differs between families. Stage one cross-fitted:
 stage two learns on probabilities by perceptrons that have not seen the family at hand.
 AdamW, cosine, cross-entropy with class weights 1, 1, 1, 2, 2, 3 and label smoothing
 0.05; all numbers in `metrics.json`, key `recipe`. The recipe was chosen by looking at
-some of the families left out, so the numbers below are slightly optimistic; it is one
-recipe for all, and no network was chosen by its score.
+some of the families left out (`docs/experiments.md`), so the numbers below are slightly
+optimistic; it is one recipe for all, and no network was chosen by its score. Networks
+with a family left out start from the same pretrained ones: the factory's motors are of
+its own families, none was made after reman18.
 """
 
 _SCENE = """# Model card: motor or not, in a view
@@ -54,12 +59,13 @@ place, its features, the perceptron's probability and its averages over 12, 25 a
 mm. One temperature calibrates. The mask is meant to be refined by registration
 (register, relabel, register).
 
-**Data.** reman18, 72 **simulated** views of 18 starter motors of 6 families in 5 kinds
-of clamps, no table around the base plate (see `data/reman18/README.md`). No real view
-was used. The clamps of the held-out family's views are of the same kinds as in
-training: new clamps were not tested.
+**Data.** First 320 views of 80 motors of the motor factory in 10 kinds of clamps
+(`boltpose synth scenes -n 80 --views 4 --seed 0`), then reman18: 72 views of 18 starter
+motors of 6 families in 5 kinds of clamps, no table around the base plate. All views are
+**simulated** (see `docs/factory.md`, `data/reman18/README.md`). No real view was used.
+The clamps of the held-out family's views are of the same kinds as in training.
 
-**Recipe.** Scenes turned about the plate's normal (sigma 0.6 rad), tilted, mirrored,
+**Recipe.** Pretrained (recipe `many`), fine-tuned (recipe `fine-tune`). Scenes turned about the plate's normal (sigma 0.6 rad), tilted, mirrored,
 scaled 0.9-1.1, cropped. Stage one cross-fitted as for the parts. AdamW, cosine,
 cross-entropy with label smoothing 0.05; all numbers in `metrics.json`, key `recipe`.
 The features were chosen by looking at two of the families left out.
@@ -78,21 +84,16 @@ Probabilities are calibrated on simulated data only.
 """,
     "scene": """\
 **Limits.** One motor in a clamp on a plate, camera above or beside it, mm. Scenes with
-large other objects, several motors or no plate were not seen in training; a scene
+large other objects or several motors were not seen in training; a scene
 without any motor still gets a mask. Never trust the mask alone: the pose found with it
 is verified against the scan.
 """,
 }
 
 _RETRAIN = """\
-**Retrain.** About 40 minutes on one core for both kinds of networks together;
-everything above is written by
-
-    python -m boltpose.training {network} --leave-out each
-    python -m boltpose.training {network} --leave-out none
-    python -m boltpose.training calibrate
-    python -m boltpose.training scores
-    python -m boltpose.training cards
+**Retrain.** `make models` does it all, from the synthetic data sets to this card: about
+1.5 hours of one core for the data and 2 for all networks, a family left out or not. On
+your own motors: `docs/train-your-own.md`.
 """
 
 
@@ -135,7 +136,7 @@ def write_cards(folder: Path, shipped: Path, families: Sequence[str]) -> tuple[P
             _table(found),
             f"**Calibration.** Temperature {temperature}, fitted on families not seen.\n",
             _LIMITS[network],
-            _RETRAIN.format(network=network),
+            _RETRAIN,
             f"**Files** (SHA-256)\n\n{hashes}\n",
         )
         path = shipped / f"{network}.md"

@@ -291,10 +291,10 @@ def rescore_models(
         models = load_models(folder / family)
         motors = data.motors_of(family)
         parts = score_parts(models.parts, data, motors)
-        write_metrics(folder / family, "parts", parts, PartsConfig().describe())
+        write_metrics(folder / family, "parts", parts)
         yield "parts", family, parts
         scene = score_scene(models.scene, data, motors)
-        write_metrics(folder / family, "scene", scene, SceneConfig().describe())
+        write_metrics(folder / family, "scene", scene)
         yield "scene", family, scene
 
 
@@ -324,12 +324,16 @@ def score_scene(
 
 
 def write_metrics(
-    folder: Path, network: str, scores: SegmentationScores, recipe: Mapping[str, Any]
+    folder: Path,
+    network: str,
+    scores: SegmentationScores,
+    recipe: Mapping[str, Any] | None = None,
 ) -> None:
-    """Add the scores of a network to the folder's metrics.json."""
+    """Add the scores of a network to the folder's metrics.json; without a recipe keep the old."""
     path = folder / METRICS_FILE
     known: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {}
-    known[network] = {"held_out": scores.to_json(), "recipe": dict(recipe)}
+    kept = known.get(network, {}).get("recipe", {}) if recipe is None else dict(recipe)
+    known[network] = {"held_out": scores.to_json(), "recipe": kept}
     text = json.dumps(known, indent=1, sort_keys=True) + "\n"
 
     def write(stream: BinaryIO) -> None:

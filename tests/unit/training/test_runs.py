@@ -15,6 +15,7 @@ from boltpose.training.local_evidence import cross_fitting_folds
 from boltpose.training.parts import PartsConfig
 from boltpose.training.runs import score_parts, score_scene, train_part_models, write_metrics
 from boltpose.training.scores import SegmentationScores
+from boltpose.training.shipping import ALL_MOTORS, ship_models
 from tests.support.toy_motor import toy_motor
 
 DATA = Reman18(root=Path(__file__).parents[3] / "data" / "reman18")
@@ -60,16 +61,46 @@ def test_metrics_of_one_network_leave_the_others_alone(tmp_path: Path) -> None:
     assert written["parts"]["recipe"] == {"steps": 3}
     assert written["scene"]["recipe"] == {"steps": 5}
     assert written["scene"]["held_out"]["overall_accuracy"] == 0.9
+    # scored again: the recipe stays
+    write_metrics(tmp_path, "scene", good)
+    assert json.loads((tmp_path / "metrics.json").read_text()) == written
 
 
-def test_an_unknown_family_is_one_line_and_exit_code_2(
+def test_a_run_that_is_not_finished_is_not_shipped(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = ["parts", "--data", str(DATA.root), "--leave-out", "diesel"]
-    assert main([*arguments, "--cache", str(tmp_path), "--out", str(tmp_path)]) == 2
-    assert "family must be one of" in capsys.readouterr().err
-    assert main(["scene", "--data", str(tmp_path)]) == 2
+    family = tmp_path / "parts" / "direct_closed_2ear"
+    family.mkdir(parents=True)
+    (family / "parts_local.onnx").write_bytes(b"")
+    places = ["--parts", str(family.parent), "--out", str(tmp_path / "out")]
+    assert main(["ship", "--data", str(DATA.root), *places]) == 2
+    assert f"{family}: found no parts.onnx, wanted a finished run folder" in (
+        capsys.readouterr().err
+    )
+    assert not (tmp_path / "out").exists()
+    assert main(["cards", "--data", str(tmp_path)]) == 2
     assert "a reman18 folder" in capsys.readouterr().err
+
+
+def test_finished_runs_are_shipped_with_their_metrics(tmp_path: Path) -> None:
+    good = SegmentationScores(overall_accuracy=0.9, mean_iou=0.8, iou={"a": 0.8}, points=10)
+    for task in ("parts", "scene"):
+        for name in ("a", "b", ALL_MOTORS):
+            run = tmp_path / task / name
+            run.mkdir(parents=True)
+            for file in (f"{task}_local.onnx", f"{task}.onnx", "config.json"):
+                (run / file).write_text(f"{task} {name} {file}")
+            write_metrics(run, task, good, {"name": name})
+    runs = {task: tmp_path / task for task in ("parts", "scene")}
+    filled = list(ship_models(runs, tmp_path / "left_out", tmp_path / "shipped", ("a", "b")))
+    assert len(filled) == 3
+    assert (tmp_path / "shipped" / "scene.onnx").read_text() == "scene shipped scene.onnx"
+    assert (tmp_path / "left_out" / "b" / "parts.onnx").read_text() == "parts b parts.onnx"
+    metrics = json.loads((tmp_path / "left_out" / "b" / "metrics.json").read_text())
+    assert {task: metrics[task]["recipe"]["name"] for task in metrics} == {
+        "parts": "b",
+        "scene": "b",
+    }
 
 
 def _toys(root: Path, seeds: range, family: str) -> Reman18:
