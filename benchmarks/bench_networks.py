@@ -110,7 +110,7 @@ def main() -> None:
     environment = os.environ | {"OMP_NUM_THREADS": "1"} | ({} if args.plain_malloc else MALLOC)
     speeds: list[Speed] = []
     print("| network | parameters | points | products | train clouds/s | forward | peak GB |")
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|", flush=True)
     for points in args.points:
         for half in (False, True):
             reference: Speed | None = None

@@ -125,7 +125,9 @@ class PointNet(SegmentationNetwork):
             return self.mean.new_zeros(())
         with torch.autocast(transform.device.type, enabled=False):
             matrix = transform.float()
-            excess = torch.eye(self.config.local) - matrix @ matrix.transpose(1, 2)
+            excess = torch.eye(self.config.local, device=matrix.device) - matrix @ matrix.transpose(
+                1, 2
+            )
             return self.config.penalty_weight * excess.square().sum(dim=(1, 2)).mean()
 
     def forward(self, inputs: Tensor) -> Tensor:
