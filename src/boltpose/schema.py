@@ -150,15 +150,9 @@ class PriorBolt:
     """False: a person should look at this bolt once before production."""
     remarks: tuple[str, ...] = ()
     """Why it is unsure, or that a person placed it."""
-
-    @property
-    def confidence(self) -> float:
-        """Class probability, halved if no flank carries the axis; 0 to 1, not calibrated.
-
-        Support counts in full from 20 on, where the axis never was off by more than 0.3 mm
-        (FINDINGS, section 1b; simulated).
-        """
-        return self.class_probability * (0.5 + 0.5 * min(1.0, max(0.0, self.head_fit_support) / 20))
+    confidence: float = 1.0
+    """Probability that this is a bolt and at most 0.5 mm beside its true axis, 0 to 1; see
+    `prior.confidence`. 1 where a person or a drawing says so."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -32,7 +32,6 @@ def describe_result(result: LocateResult) -> RenderableType:
 def describe_prior(prior: Prior) -> RenderableType:
     """Lay out a prior: its alignment and one row per bolt."""
     alignment = prior.alignment
-    unsure = sum(not bolt.is_sure for bolt in prior.bolts)
     roll = "from the solenoid" if alignment.has_solenoid else "free: no solenoid found"
     lines = [
         Text(f"{len(prior.bolts)} bolts, {len(prior.points)} points", style="bold"),
@@ -42,18 +41,29 @@ def describe_prior(prior: Prior) -> RenderableType:
             f"sigma {math.degrees(alignment.axis_sigma_rad):.3f} deg; roll {roll}"
         ),
     ]
-    if unsure:
-        noun = "bolt is" if unsure == 1 else "bolts are"
-        lines.append(
-            Text(
-                f"{unsure} {noun} unsure: look at the picture, then keep it or use "
-                "`boltpose prior edit`",
-                style="yellow",
-            )
-        )
+    lines += _to_look_at(prior)
     panel = Panel(Group(*lines), title=f"prior '{prior.name}'", title_align="left", expand=False)
-    remarks = [_remarks(bolt.id, bolt.remarks) for bolt in prior.bolts if bolt.remarks]
+    # why a bolt is unsure stands in the panel
+    remarks = [
+        _remarks(bolt.id, bolt.remarks) for bolt in prior.bolts if bolt.is_sure and bolt.remarks
+    ]
     return Group(panel, _prior_bolt_table(prior), *remarks)
+
+
+def _to_look_at(prior: Prior) -> list[Text]:
+    """Name the bolts a person should look at, the most doubtful first, and why."""
+    unsure = sorted(
+        (bolt for bolt in prior.bolts if not bolt.is_sure), key=lambda bolt: bolt.confidence
+    )
+    if not unsure:
+        return [Text("every bolt is sure", style="green")]
+    noun = "bolt" if len(unsure) == 1 else "bolts"
+    head = f"look at {len(unsure)} {noun}, then keep, confirm or remove with `boltpose prior edit`:"
+    rows = [
+        Text(f"  {bolt.id}: confidence {bolt.confidence:.0%}: {'; '.join(bolt.remarks)}")
+        for bolt in unsure
+    ]
+    return [Text(head, style="yellow"), *rows]
 
 
 def _verdict_panel(result: LocateResult) -> Panel:
@@ -125,7 +135,7 @@ def _prior_bolt_table(prior: Prior) -> Table:
     table = _table("head_top and outward axis in frame 'prior', mm")
     for name in ("id", "side"):
         table.add_column(name, no_wrap=True)
-    for name in ("position", "axis", "head", "points", "class", "fit"):
+    for name in ("position", "axis", "head", "points", "class", "fit", "confidence"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("sure", no_wrap=True)
     for bolt in prior.bolts:
@@ -143,6 +153,7 @@ def _prior_bolt_row(bolt: PriorBolt) -> tuple[str | Text, ...]:
         str(bolt.point_count),
         f"{bolt.class_probability:.0%}",
         f"{bolt.head_fit_support:.0f}",
+        f"{bolt.confidence:.0%}",
         _sure(bolt.is_sure),
     )
 

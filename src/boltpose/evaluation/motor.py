@@ -66,7 +66,7 @@ class MotorEvaluation(Generic[Models]):
         Raises:
             InputFileError: A file of the data set cannot be read.
         """
-        prior, prior_record = self._build_prior()
+        prior, prior_record = self.build_prior()
         chosen = [v for v in self._motor.views if views is None or v.index in views]
         view_records = tuple(
             self._evaluate_view(view, prior, prior_record.bolts) for view in chosen
@@ -95,7 +95,12 @@ class MotorEvaluation(Generic[Models]):
             environment=describe_environment(),
         )
 
-    def _build_prior(self) -> tuple[Prior | None, PriorRecord]:
+    def build_prior(self) -> tuple[Prior | None, PriorRecord]:
+        """Build the prior from the scan alone; None and why, if it cannot be.
+
+        Raises:
+            InputFileError: The scan or the networks cannot be read.
+        """
         self._on_step("prior")
         scan = self._pipeline.read_scan(self._motor.scan_path)
         # the labels in the file are the truth: nothing may look at them

@@ -101,7 +101,7 @@ def list_motors(root: str | Path) -> tuple[str, ...]:
     return tuple(names)
 
 
-def read_motor(root: str | Path, name: str) -> TrueMotor:
+def read_motor(root: str | Path, name: str, *, with_views: bool = True) -> TrueMotor:
     """Read the truth of one motor and its views.
 
     The files state `T_M_to_C` (here `prior_from_motor`), `T_C_to_B` (`camera_from_prior`) and
@@ -110,6 +110,7 @@ def read_motor(root: str | Path, name: str) -> TrueMotor:
     Args:
         root: Folder of the data set.
         name: Folder of the motor in it, for example `motor_003`.
+        with_views: Whether to read the views too; motors from the factory may have none.
 
     Returns:
         The truth, lengths in mm.
@@ -126,7 +127,7 @@ def read_motor(root: str | Path, name: str) -> TrueMotor:
             family=str(truth["family_name"]),
             prior_from_motor=Transform("prior", "motor", np.array(truth["T_M_to_C"])),
             bolts=bolts,
-            views=_true_views(folder),
+            views=_true_views(folder) if with_views else (),
             housing_radius_mm=float(truth["dims_mm"]["R"]),
             housing_length_mm=float(truth["dims_mm"]["L"]),
             scan_path=folder / "prior.ply",

@@ -62,12 +62,12 @@ def evaluate(
         ConfigError: A motor or view is not in the data set.
         InputFileError: A file of the data set or a family's networks are missing.
     """
-    chain = pipeline or _shipped_pipeline()
-    root, folder, target = Path(data), _leave_out_folder(Path(models_dir)), Path(out)
+    chain = pipeline or shipped_pipeline()
+    root, folder, target = Path(data), leave_out_folder(Path(models_dir)), Path(out)
     truth = {name: read_motor(root, name) for name in list_motors(root)}
-    chosen = _choose(motors, list(truth), "motor")
+    chosen = choose(motors, list(truth), "motor")
     known_views = sorted({view.index for motor in truth.values() for view in motor.views})
-    chosen_views = None if views is None else _choose(views, known_views, "view")
+    chosen_views = None if views is None else choose(views, known_views, "view")
     request = (f"views {chosen_views}", f"negatives {with_negatives}", FORMAT)
     mark = fingerprint(root, folder, request)
     target.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def evaluate(
         return chain.load_models(_family_folder(folder, family))
 
     records: list[MotorRecord] = []
-    with threadpool_limits(limits=1, user_api="blas"), _progress(console, len(chosen)) as step:
+    with threadpool_limits(limits=1, user_api="blas"), show_progress(console, len(chosen)) as step:
         for name in chosen:
             path = target / f"{name}.json"
             record = _read_if_current(path, mark) if resume else None
@@ -130,7 +130,8 @@ def read_records(folder: str | Path) -> tuple[MotorRecord, ...]:
     return tuple(read_record(path) for path in paths)
 
 
-def _shipped_pipeline() -> Pipeline[Any]:
+def shipped_pipeline() -> Pipeline[Any]:
+    """Return the pipeline users call."""
     # here, not on top: reading records and writing reports needs no ONNX Runtime
     from boltpose.evaluation.product import boltpose_pipeline
 
@@ -147,7 +148,12 @@ def _read_if_current(path: Path, mark: str) -> MotorRecord | None:
     return record if record.fingerprint == mark else None
 
 
-def _choose(asked: Sequence[Item] | None, known: list[Item], what: str) -> list[Item]:
+def choose(asked: Sequence[Item] | None, known: list[Item], what: str) -> list[Item]:
+    """Keep what was asked for, in the order it is known; None asks for all.
+
+    Raises:
+        ConfigError: Something asked for is not known.
+    """
     if asked is None:
         return known
     unknown = [item for item in asked if item not in known]
@@ -156,7 +162,8 @@ def _choose(asked: Sequence[Item] | None, known: list[Item], what: str) -> list[
     return [item for item in known if item in asked]
 
 
-def _leave_out_folder(models_dir: Path) -> Path:
+def leave_out_folder(models_dir: Path) -> Path:
+    """Return the folder with one folder of networks per family left out."""
     nested = models_dir / LEAVE_OUT
     return nested if nested.is_dir() else models_dir
 
@@ -169,7 +176,9 @@ def _family_folder(folder: Path, family: str) -> Path:
 
 
 @contextmanager
-def _progress(console: Console | None, total: int) -> Generator[Callable[[str, str | None], None]]:
+def show_progress(
+    console: Console | None, total: int
+) -> Generator[Callable[[str, str | None], None]]:
     """Yield a function to call with a motor and its step; None as step: the motor is done."""
     if console is None:
         yield lambda _motor, _step: None

@@ -161,4 +161,13 @@ def _axis_disagreement_rad(alignment: Alignment, parts: PartProbabilities) -> fl
 
 def _doubted(bolts: tuple[PriorBolt, ...], disagreement_rad: float) -> tuple[PriorBolt, ...]:
     remark = f"two ways to find the motor's axis differ by {np.degrees(disagreement_rad):.1f} deg"
-    return tuple(replace(bolt, is_sure=False, remarks=(*bolt.remarks, remark)) for bolt in bolts)
+    return tuple(
+        replace(
+            bolt,
+            is_sure=False,
+            # one of the two ways is wrong
+            confidence=min(bolt.confidence, 0.5),
+            remarks=(*bolt.remarks, remark),
+        )
+        for bolt in bolts
+    )

@@ -96,7 +96,7 @@ def confirm_bolt(prior: Prior, bolt_id: str) -> Prior:
 
     def confirmed(bolt: PriorBolt) -> PriorBolt:
         remarks = tuple(dict.fromkeys((*bolt.remarks, CONFIRMED)))
-        return replace(bolt, is_sure=True, remarks=remarks)
+        return replace(bolt, is_sure=True, confidence=1.0, remarks=remarks)
 
     return replace(
         prior,
@@ -120,7 +120,7 @@ def _fit_at(prior: Prior, distance: FloatArray, config: EditConfig) -> PriorBolt
     found = find_bolts(prior.points, prior.normals, probabilities, prior.alignment, config.bolts)
     if not found or not found[0].is_sure:
         return None
-    return replace(found[0], remarks=(ADDED,))
+    return replace(found[0], confidence=1.0, remarks=(ADDED,))
 
 
 def _place_at(

@@ -122,6 +122,7 @@ def _bolt_to_json(bolt: PriorBolt) -> dict[str, Any]:
         "head_fit_support": bolt.head_fit_support,
         "sigma_lateral_mm": bolt.sigma_lateral_mm,
         "sigma_axial_mm": bolt.sigma_axial_mm,
+        "confidence": bolt.confidence,
         "is_sure": bolt.is_sure,
         "remarks": list(bolt.remarks),
     }
@@ -140,6 +141,8 @@ def _bolt_from_json(data: Mapping[str, Any]) -> PriorBolt:
         head_fit_support=float(data["head_fit_support"]),
         sigma_lateral_mm=float(data["sigma_lateral_mm"]),
         sigma_axial_mm=float(data["sigma_axial_mm"]),
+        # older files state none
+        confidence=float(data.get("confidence", data["class_probability"])),
         is_sure=bool(data["is_sure"]),
         remarks=tuple(str(remark) for remark in data["remarks"]),
     )

@@ -38,6 +38,9 @@ class HeadFitConfig:
     (simulated) hexagons gain 0.15 to 0.5, round heads lose 0.05 to 0.4."""
     min_support: float = 0.5
     """Half a point's worth of information about the centre: below it nothing round was there."""
+    rival_share: float = 0.7
+    """Another optimum with this share of the best one's score is a rival: which of the two is the
+    head cannot be told. Fits that end in the same optimum differ by a tenth."""
     max_face_offset_mm: float = 0.8
     """1 sigma by which the middle of the seen top face may lie off the axis, for half-seen faces;
     ranks the starts only."""
@@ -52,6 +55,8 @@ class HeadFitConfig:
         for name in ("start_shift_mm", "final_cutoff_mm", "min_support", "max_face_offset_mm"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
+        if not 0 < self.rival_share <= 1:
+            raise ConfigError(f"rival_share must be in (0, 1], got {self.rival_share}")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -71,6 +76,8 @@ class HeadFit:
     """Support, lowered where the face does not sit in the middle; ranks fits of one head."""
     face_offset_mm: float
     """From the centre to the middle of the top face's points."""
+    rival_mm: float
+    """From the centre to the farthest rival optimum of the same head; 0 if all starts agree."""
     is_hexagon: bool
     """The flank has six faces; else it is taken for round."""
 
@@ -161,9 +168,18 @@ class _Equations:
             sigma_mm=self._jackknife(flank[best], cone[best], centres[best], float(radii[best])),
             score=float(score[best]),
             face_offset_mm=float(offset[best]),
+            rival_mm=self._rival_distance(centres, radii, score, best),
             is_hexagon=False,
         )
         return self._as_hexagon(fit) or fit
+
+    def _rival_distance(
+        self, centres: FloatArray, radii: FloatArray, score: FloatArray, best: int
+    ) -> float:
+        distance = np.linalg.norm(centres - centres[best], axis=1)
+        # farther away it is another head
+        is_rival = (score >= self._config.rival_share * score[best]) & (distance < radii[best])
+        return float(distance[is_rival].max())
 
     def _as_hexagon(self, fit: HeadFit) -> HeadFit | None:
         """Fit six faces to the flank of a round fit; None where a cylinder explains it better."""
@@ -192,6 +208,8 @@ class _Equations:
             radius_mm=hexagon.radius_mm,
             support=hexagon.support,
             sigma_mm=hexagon.sigma_mm,
+            # six faces that explain the flank better than any cylinder settle which optimum it is
+            rival_mm=0.0,
             is_hexagon=True,
         )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -18,10 +19,26 @@ from boltpose.io.atomic import write_atomic
 from boltpose.schema import Part
 from boltpose.segmentation.models import PARTS_FILE, PARTS_LOCAL_FILE, SCENE_FILE, SCENE_LOCAL_FILE
 from boltpose.segmentation.parts import OnnxPartPredictor
+from boltpose.segmentation.predictor import PARTS
+from boltpose.segmentation.reliability import (
+    CALIBRATION_FORMAT,
+    CalibrationCurve,
+    CalibrationRecord,
+    NetworkCalibration,
+    measure_reliability,
+    most_probable,
+    scale_probabilities,
+)
 from boltpose.segmentation.scene import OnnxScenePredictor
 
 _ROWS_PER_CLOUD = 20000
 _RANGE = (0.3, 5.0)
+MOST_PROBABLE = "the most probable class"
+BOLT = "bolt"
+MOTOR = "motor"
+
+Rows = tuple[FloatArray, IntArray]
+"""Probabilities, (N, C), and classes, (N,), from 0."""
 
 
 def fit_temperature(probabilities: FloatArray, classes: IntArray) -> float:
@@ -43,7 +60,9 @@ def fit_temperature(probabilities: FloatArray, classes: IntArray) -> float:
     return float(found.x)
 
 
-def calibrate_models(data: Reman18, folder: Path, shipped: Path) -> Iterator[str]:
+def calibrate_models(
+    data: Reman18, folder: Path, shipped: Path, report: Path | None = None
+) -> Iterator[str]:
     """Set the temperatures of the leave-one-family-out networks and of the shipped ones.
 
     A family's networks get the temperature fitted on the other families (each labelled by the
@@ -53,21 +72,91 @@ def calibrate_models(data: Reman18, folder: Path, shipped: Path) -> Iterator[str
         data: The labelled motors.
         folder: Holds one folder of networks per family.
         shipped: Folder of the networks trained on all families.
+        report: Where to write how well the probabilities hold, JSON; None for nowhere.
 
     Yields:
-        A line per network that tells its temperature.
+        A line per network that tells its temperature, and one on what it does to the errors.
     """
     seen = {family: _held_out(data, folder / family, family) for family in data.families}
-    for network, number in ((PARTS_FILE, 0), (SCENE_FILE, 1)):
-        for family in (*data.families, None):
-            others = [seen[name][number] for name in data.families if name != family]
-            temperature = fit_temperature(
-                np.concatenate([probabilities for probabilities, _ in others]),
-                np.concatenate([classes for _, classes in others]),
+    measured: list[NetworkCalibration] = []
+    for network, number, statements in (
+        (PARTS_FILE, 0, {BOLT: PARTS.index(Part.BOLT)}),
+        (SCENE_FILE, 1, {MOTOR: 1}),
+    ):
+        rows = {family: seen[family][number] for family in data.families}
+        temperatures = {
+            family: fit_temperature(*_pooled({k: v for k, v in rows.items() if k != family}))
+            for family in data.families
+        }
+        of_all = fit_temperature(*_pooled(rows))
+        for family, temperature in temperatures.items():
+            set_temperature(folder / family / network, temperature)
+            yield f"{folder / family / network}: temperature {temperature:.3f}"
+        set_temperature(shipped / network, of_all)
+        yield f"{shipped / network}: temperature {of_all:.3f}"
+        measured.append(
+            NetworkCalibration(
+                network=network,
+                temperature=of_all,
+                temperatures=temperatures,
+                curves=measure_curves(rows, temperatures, statements),
             )
-            place = shipped if family is None else folder / family
-            set_temperature(place / network, temperature)
-            yield f"{place / network}: temperature {temperature:.3f}"
+        )
+        yield f"{network}: {_errors(measured[-1])}"
+    if report is not None:
+        record = CalibrationRecord(
+            format=CALIBRATION_FORMAT, data=data.root.as_posix(), networks=tuple(measured)
+        )
+        write_calibration(report, record)
+        yield f"written: {report}"
+
+
+def measure_curves(
+    rows: Mapping[str, Rows], temperatures: Mapping[str, float], statements: Mapping[str, int]
+) -> tuple[CalibrationCurve, ...]:
+    """Reliability before and after temperature scaling, families pooled.
+
+    Args:
+        rows: By family, uncalibrated probabilities, (N, C), and classes, (N,).
+        temperatures: By family, fitted on the others.
+        statements: By name, the class whose probability is looked at by itself.
+
+    Returns:
+        The curve of the most probable class, then one per entry of `statements`.
+    """
+    before, classes = _pooled(rows)
+    scaled = [
+        scale_probabilities(probabilities, temperatures[family])
+        for family, (probabilities, _) in rows.items()
+    ]
+    after = np.concatenate(scaled)
+    curves = [
+        CalibrationCurve(
+            statement=MOST_PROBABLE,
+            before=measure_reliability(*most_probable(before, classes)),
+            after=measure_reliability(*most_probable(after, classes)),
+        )
+    ]
+    for name, number in statements.items():
+        is_class = classes == number
+        curves.append(
+            CalibrationCurve(
+                statement=name,
+                before=measure_reliability(before[:, number], is_class),
+                after=measure_reliability(after[:, number], is_class),
+            )
+        )
+    return tuple(curves)
+
+
+def write_calibration(path: Path, record: CalibrationRecord) -> None:
+    """Write the record as JSON; `boltpose.evaluation.calibration_tables` renders it."""
+    text = json.dumps(asdict(record), indent=1) + "\n"
+
+    def write(stream: BinaryIO) -> None:
+        stream.write(text.encode())
+
+    write_atomic(path, write)
 
 
 def set_temperature(path: Path, temperature: float) -> None:
@@ -85,7 +174,21 @@ def set_temperature(path: Path, temperature: float) -> None:
     write_atomic(path, write)
 
 
-Rows = tuple[FloatArray, IntArray]
+def _pooled(rows: Mapping[str, Rows]) -> Rows:
+    found = list(rows.values())
+    return (
+        np.concatenate([probabilities for probabilities, _ in found]),
+        np.concatenate([classes for _, classes in found]),
+    )
+
+
+def _errors(measured: NetworkCalibration) -> str:
+    """Expected calibration errors in one line."""
+    return "expected calibration error " + ", ".join(
+        f"of {curve.statement} {100 * curve.before.expected_error:.2f} -> "
+        f"{100 * curve.after.expected_error:.2f} %"
+        for curve in measured.curves
+    )
 
 
 def _held_out(data: Reman18, folder: Path, family: str) -> tuple[Rows, Rows]:

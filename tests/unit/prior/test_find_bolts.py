@@ -9,6 +9,7 @@ from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError, ShapeError
 from boltpose.prior.clustering import ClusterConfig, cluster_points
 from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
+from boltpose.prior.head_hough import HoughConfig
 from boltpose.prior.heads import HeadConfig
 from boltpose.schema import Part, PriorBolt, Side
 from tests.support.toy_heads import PLATE_MM, ToyHead, ToyPlate, toy_plate, true_alignment
@@ -24,6 +25,11 @@ FOUR = (
 def found(plate: ToyPlate, probabilities: FloatArray | None = None) -> tuple[PriorBolt, ...]:
     shares = plate.probabilities() if probabilities is None else probabilities
     return find_bolts(plate.points, plate.normals, shares, true_alignment())
+
+
+def found_without_proposals(plate: ToyPlate, shares: FloatArray) -> tuple[PriorBolt, ...]:
+    config = FindBoltsConfig(hough=HoughConfig(max_candidates=0))
+    return find_bolts(plate.points, plate.normals, shares, true_alignment(), config)
 
 
 def head_top(head: ToyHead) -> FloatArray:
@@ -149,13 +155,59 @@ def test_a_head_without_flank_is_kept_with_a_wide_sigma_and_not_sure() -> None:
     assert "no flank" in bolt.remarks[0]
 
 
-def test_labels_on_the_flank_only_still_give_the_top_of_the_head() -> None:
+def test_labels_on_the_flank_mostly_still_give_the_top_of_the_head() -> None:
     plate = toy_plate(FOUR[2:3])
     on_top = plate.points[:, 2] > head_top(FOUR[2])[2] - 3.0
-    shares = soft(plate, ((plate.labels == Part.BOLT) & ~on_top) * 1.0)
+    shares = soft(plate, (plate.labels == Part.BOLT) * np.where(on_top, 0.45, 1.0))
     bolts = found(plate, shares)
     assert len(bolts) == 1
     assert_is(bolts[0], FOUR[2])
+
+
+def test_a_head_the_labels_missed_is_found_by_its_shape() -> None:
+    plate = toy_plate(FOUR[:2])
+    # below the probability that makes a cluster
+    shares = soft(plate, (plate.labels == Part.BOLT) * 0.22)
+    assert found_without_proposals(plate, shares) == ()
+    bolts = found(plate, shares)
+    assert len(bolts) == 2
+    for bolt, head in zip(bolts, FOUR[:2], strict=True):
+        assert_is(bolt, head)
+        assert not bolt.is_sure
+        assert bolt.confidence < 0.5
+
+
+def test_a_round_thing_the_network_rules_out_is_no_bolt() -> None:
+    plate = toy_plate(FOUR)
+    assert found(plate, soft(plate, np.zeros(len(plate.points)))) == ()
+
+
+def test_proposals_add_nothing_to_what_the_labels_show() -> None:
+    plate = toy_plate(FOUR)
+    shares = plate.probabilities()
+    with_proposals, without = found(plate, shares), found_without_proposals(plate, shares)
+    assert [bolt.id for bolt in with_proposals] == [bolt.id for bolt in without]
+    for first, second in zip(with_proposals, without, strict=True):
+        np.testing.assert_array_equal(first.prior_from_bolt.matrix, second.prior_from_bolt.matrix)
+
+
+def test_confidence_follows_the_class_probability_and_decides_with_the_rest_on_sure() -> None:
+    plate = toy_plate(FOUR[:1])
+    confidences = []
+    for probability in (0.35, 0.6, 0.75, 1.0):
+        (bolt,) = found(plate, soft(plate, (plate.labels == Part.BOLT) * probability))
+        confidences.append(bolt.confidence)
+        assert bolt.is_sure == (bolt.confidence >= 0.8)
+    assert confidences == sorted(confidences)
+    assert confidences[0] < 0.5
+    assert confidences[-1] > 0.98
+
+
+def test_a_small_round_thing_with_little_flank_is_never_sure_whatever_the_network_says() -> None:
+    thing = ToyHead(x=0.0, y=0.0, radius=2.6, height=1.2, corners=0, seen_deg=120.0)
+    for bolt in found(toy_plate([thing])):
+        assert not bolt.is_sure
+        assert bolt.confidence < 0.6
 
 
 def test_sigma_grows_where_less_is_seen() -> None:
@@ -194,6 +246,10 @@ def test_probabilities_that_do_not_fit_are_refused(broken: str) -> None:
         (HeadConfig, {"face_percentile": 101.0}),
         (HeadConfig, {"normal_neighbours": 2}),
         (HeadConfig, {"max_step_mm": 0.0}),
+        (HoughConfig, {"radii_mm": ()}),
+        (HoughConfig, {"cell_mm": 0.0}),
+        (HoughConfig, {"min_sectors": 13}),
+        (HoughConfig, {"max_candidates": -1}),
         (ClusterConfig, {"eps_mm": 0.0}),
         (ClusterConfig, {"min_points": 0}),
     ],
