@@ -5,7 +5,7 @@ Run: python benchmarks/bench_networks.py [--backbones pct dgcnn] [--points 1024 
 Each row is measured in a process of its own, so that its peak memory is its own. Clouds of random
 points, 4 per step; the best of the repetitions, which disturbs least what else is running. Numbers
 depend on malloc: with MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=100000000000
-MALLOC_TOP_PAD_=200000000 in the environment training is up to three times faster.
+MALLOC_TOP_PAD_=200000000, which is set here unless --plain-malloc is given, training is faster.
 """
 
 from __future__ import annotations
