@@ -27,6 +27,7 @@ def prior_bolt(bolt_id: str = "T1", *, seed: int = 1, is_sure: bool = True) -> P
         head_fit_support=60.0,
         sigma_lateral_mm=0.06,
         sigma_axial_mm=0.05,
+        confidence=0.9,
         is_sure=is_sure,
         remarks=() if is_sure else ("little flank",),
     )

@@ -31,7 +31,7 @@ def test_the_file_says_what_the_result_says(tmp_path: Path) -> None:
         # the head's centre lies half a head below its top, against the axis
         step = np.subtract(written["head_top"], written["position"])
         np.testing.assert_allclose(step, np.array(written["axis"]) * bolt.head_height_mm / 2)
-        assert 0 < written["confidence"] < 1
+        assert written["confidence"] == bolt.confidence == 0.9
     assert data["rejected_candidate"] is None
     np.testing.assert_array_equal(data["base_from_camera"], results.BASE_FROM_CAMERA.matrix)
     assert read_poses(tmp_path / "poses.json") == to_file(result, {"registration": 123.4567})
