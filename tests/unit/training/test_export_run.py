@@ -18,7 +18,7 @@ from boltpose.segmentation.models import load_models
 from boltpose.segmentation.plain import PlainPartPredictor, describe_scan, input_columns
 from boltpose.segmentation.voting import split_randomly
 from boltpose.training import export_run as exporting
-from boltpose.training.export import round_to_half
+from boltpose.training.export import Agreement, round_to_half
 from boltpose.training.export_run import TRACED_WITH, check_samples, export_run
 from boltpose.training.plain import WEIGHTS_FILE, PlainConfig, load_plain
 from boltpose.training.weights import save_weights
@@ -33,7 +33,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     torch.manual_seed(0)
     network = build_backbone("pct-small", inputs=6, classes=6)
-    pretend_training(network)
+    pretend_training(network, torch.randn(2, 64, 6))
     save_weights(folder / WEIGHTS_FILE, network, {**asdict(CONFIG), "motors": ["motor_000"]})
     return folder
 
@@ -42,7 +42,7 @@ def test_the_file_labels_a_scan_as_the_network_does(run: Path) -> None:
     report = export_run(run)
     assert report.path == run / "parts.onnx"
     assert report.kind == "parts_plain"
-    assert report.largest_difference < 1e-5
+    assert report.agreement.largest < 1e-5
     assert report.file_bytes == report.path.stat().st_size
     assert len(report.sizes) >= 3
     assert TRACED_WITH not in report.sizes
@@ -71,7 +71,8 @@ def test_a_file_that_differs_is_not_written(
     run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, difference: float
 ) -> None:
     monkeypatch.setattr(exporting, "build_onnx", lambda *_, **__: b"")
-    monkeypatch.setattr(exporting, "content_difference", lambda *_: difference)
+    found = Agreement(largest=difference, usual=0.0, same_label=1.0)
+    monkeypatch.setattr(exporting, "content_agreement", lambda *_: found)
     with pytest.raises(InputFileError, match="nothing was written") as told:
         export_run(run, tmp_path / "net.onnx")
     assert "\n" not in str(told.value)

@@ -109,7 +109,9 @@ def test_a_run_starts_from_pretrained_weights(cache: Path, tmp_path: Path) -> No
 def test_weights_of_another_network_are_refused(cache: Path, tmp_path: Path) -> None:
     first = train_plain(DATA, ("toy_0",), CONFIG, tmp_path / "first", cache=cache)
     other = replace(CONFIG, inputs="normals")
-    with pytest.raises(InputFileError, match=r"weights\.safetensors: found .* of \(64, 3, 1\), wanted .*6"):
+    with pytest.raises(
+        InputFileError, match=r"weights\.safetensors: found .* of \(64, 3, 1\), wanted .*6"
+    ):
         train_plain(DATA, ("toy_0",), other, tmp_path / "other", cache=cache, pretrained=first)
     with pytest.raises(InputFileError, match="found no file, wanted weights"):
         train_plain(
