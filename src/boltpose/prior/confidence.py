@@ -18,8 +18,8 @@ _CLIP = 0.02
 class ConfidenceConfig:
     """A logistic model of whether a head is a bolt: weights of the log odds.
 
-    Fitted on the candidates of 39 motors of the factory (`boltpose synth`) by networks that were
-    trained on the factory's motors too, but not on these; reman18 took no part.
+    Fitted by `python -m boltpose.training.bolt_confidence` on the candidates of 42 motors of the
+    factory (`boltpose synth`) by networks that were trained on 240 others; reman18 took no part.
     """
 
     constant: float = -0.8
