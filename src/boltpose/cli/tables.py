@@ -135,7 +135,7 @@ def _prior_bolt_table(prior: Prior) -> Table:
     table = _table("head_top and outward axis in frame 'prior', mm")
     for name in ("id", "side"):
         table.add_column(name, no_wrap=True)
-    for name in ("position", "axis", "head", "points", "class", "fit", "confidence"):
+    for name in ("position", "axis", "head", "points", "class", "fit", "conf"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("sure", no_wrap=True)
     for bolt in prior.bolts:

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -58,9 +59,24 @@ def test_a_refused_result_shows_no_coordinates() -> None:
     assert ["margin", "-", "0.03"] in lines
 
 
-def test_a_prior_with_a_free_roll_says_so() -> None:
-    from dataclasses import replace
+def test_the_bolts_to_look_at_come_first_and_the_most_doubtful_of_them_first() -> None:
+    prior = results.cube_prior()
+    doubts = {"T1": 0.4, "T2": 0.97, "B1": 0.2}
+    bolts = tuple(
+        replace(bolt, confidence=doubts[bolt.id], is_sure=bolt.id == "T2", remarks=("because",))
+        for bolt in prior.bolts
+    )
+    text = text_of(describe_prior(replace(prior, bolts=bolts)), TABLE_WIDTH)
 
+    assert "look at 2 bolts" in text
+    told = [line for line in text.splitlines() if "because" in line]
+    assert ["B1: confidence 20%" in told[0], "T1: confidence 40%" in told[1]] == [True, True]
+    assert text.index("look at") < text.index("position")
+    sure = tuple(replace(bolt, is_sure=True) for bolt in bolts)
+    assert "every bolt is sure" in text_of(describe_prior(replace(prior, bolts=sure)))
+
+
+def test_a_prior_with_a_free_roll_says_so() -> None:
     prior = results.cube_prior()
     free = replace(prior, alignment=replace(prior.alignment, has_solenoid=False))
 

@@ -26,10 +26,10 @@ def test_show_lists_every_bolt_and_marks_the_unsure(run: Run, cell: Cell) -> Non
     outcome = run("prior", "show", cell.prior)
 
     assert outcome.code == ExitCode.OK
-    assert "1 bolt is unsure" in outcome.out
+    assert "look at 1 bolt" in outcome.out
     rows = {line.split()[0]: line for line in outcome.out.splitlines() if line.strip()}
     assert rows["T1"].split()[-1] == "yes"
-    assert "B1: little flank" in outcome.out
+    assert "B1: confidence 90%: little flank" in outcome.out
     assert "20.00    20.00    50.00" in rows["T1"]
 
 
