@@ -53,7 +53,10 @@ def test_every_public_name_resolves_without_torch_or_open3d() -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "hidden", "extra"),
-    [(["train", "parts"], "torch", "train"), (["train", "scene"], "safetensors", "train")],
+    [
+        (["train", "parts", "--out", "run"], "torch", "train"),
+        (["train", "scene", "--out", "run"], "safetensors", "train"),
+    ],
 )
 def test_a_missing_extra_is_one_line_with_the_install_line(
     arguments: list[str], hidden: str, extra: str

@@ -35,10 +35,11 @@ real ones, and measure.
 
 **Recipe.** Pretrained on the factory's motors (recipe `many`), then fine-tuned on
 reman18 (recipe `fine-tune`) with 3 clouds per motor (the scan, and two copies scaled
-0.9-1.1, tilted, thinned to 60-100 % and with 0.03 mm of noise), mirrored at random; every position column
-stretched (sigma 10 %) and shifted (sigma 0.3 standard deviations) at random, because
-where a housing ends or a pinion sits differs between families. Stage one cross-fitted:
-stage two learns on probabilities by perceptrons that have not seen the family at hand.
+0.9-1.1, tilted, thinned to 60-100 % and with 0.03 mm of noise), mirrored at random;
+every position column stretched (sigma 10 %) and shifted (sigma 0.3 standard deviations)
+at random, because where a housing ends or a pinion sits differs between families.
+Stage one cross-fitted: stage two learns on probabilities by perceptrons that have not
+seen the family at hand.
 AdamW, cosine, cross-entropy with class weights 1, 1, 1, 2, 2, 3 and label smoothing
 0.05; all numbers in `metrics.json`, key `recipe`. The recipe was chosen by looking at
 some of the families left out (`docs/experiments.md`), so the numbers below are slightly
@@ -65,9 +66,10 @@ motors of 6 families in 5 kinds of clamps, no table around the base plate. All v
 **simulated** (see `docs/factory.md`, `data/reman18/README.md`). No real view was used.
 The clamps of the held-out family's views are of the same kinds as in training.
 
-**Recipe.** Pretrained (recipe `many`), fine-tuned (recipe `fine-tune`). Scenes turned about the plate's normal (sigma 0.6 rad), tilted, mirrored,
-scaled 0.9-1.1, cropped. Stage one cross-fitted as for the parts. AdamW, cosine,
-cross-entropy with label smoothing 0.05; all numbers in `metrics.json`, key `recipe`.
+**Recipe.** Pretrained (recipe `many`), fine-tuned (recipe `fine-tune`). Scenes turned
+about the plate's normal (sigma 0.6 rad), tilted, mirrored, scaled 0.9-1.1, cropped.
+Stage one cross-fitted as for the parts. AdamW, cosine, cross-entropy with label
+smoothing 0.05; all numbers in `metrics.json`, key `recipe`.
 The features were chosen by looking at two of the families left out.
 """
 
