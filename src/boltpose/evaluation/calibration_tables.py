@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
@@ -125,7 +126,7 @@ def draw_calibration(
         axes = _panel(figure, panels, panels, "confidence of bolts")
         for name, record in priors.items():
             if (reliability := confidence_reliability(record)) is not None:
-                _draw(axes, reliability, name, min_count=1)
+                _draw_counts(axes, reliability, name)
         axes.legend(fontsize="small")
     buffer = io.BytesIO()
     # no date and no version in the file: the same numbers give the same bytes
@@ -145,8 +146,21 @@ def _panel(figure: Figure, panels: int, number: int, title: str) -> Axes:
     return axes
 
 
-def _draw(axes: Axes, reliability: Reliability, label: str, min_count: int = _MIN_COUNT) -> None:
-    shown = [entry for entry in reliability.bins if entry.count >= min_count]
+def _draw_counts(axes: Axes, reliability: Reliability, label: str) -> None:
+    """Dots as large as their bin is full: most bins hold one bolt, which proves little."""
+    shown = [entry for entry in reliability.bins if entry.count]
+    axes.scatter(
+        [entry.mean_probability for entry in shown],
+        [entry.share_true for entry in shown],
+        s=[8.0 * math.sqrt(entry.count) for entry in shown],
+        alpha=0.7,
+        clip_on=False,
+        label=label,
+    )
+
+
+def _draw(axes: Axes, reliability: Reliability, label: str) -> None:
+    shown = [entry for entry in reliability.bins if entry.count >= _MIN_COUNT]
     axes.plot(
         [entry.mean_probability for entry in shown],
         [entry.share_true for entry in shown],

@@ -81,7 +81,7 @@ def test_views_are_not_needed(data: Path, leave_out: Path) -> None:
 
 def test_one_folder_of_networks_serves_all_motors(data: Path, one_folder: Path) -> None:
     loaded: list[Path] = []
-    plain = pipeline_of(data, lambda bolts: bolts)
+    plain = pipeline_of(data, tuple)
 
     def load(folder: Path) -> str:
         loaded.append(folder)
