@@ -10,6 +10,7 @@ from typing import Any, Generic
 from boltpose.errors import BoltposeError
 from boltpose.evaluation.bolts import BoltMatching, match_bolts
 from boltpose.evaluation.fingerprint import describe_environment
+from boltpose.evaluation.masks import MaskCounts, count_mask
 from boltpose.evaluation.negatives import CROPS, Case, list_cases, make_scan
 from boltpose.evaluation.pipeline import CallClock, Models, Pipeline
 from boltpose.evaluation.poses import PoseRecord, compare_with_truth, measure_pose_error
@@ -145,6 +146,7 @@ class MotorEvaluation(Generic[Models]):
         read_s = clock.stop().wall_s
         truth = self._motor.bolts
         missed = tuple(sorted(bolt.id for bolt in truth))
+        mask: MaskCounts | None = None
         if prior is None:
             result = _no_result("no_prior", "no prior could be built", missed)
             time = CallTime(wall_s=0.0, cpu_s=0.0, stages=())
@@ -154,11 +156,14 @@ class MotorEvaluation(Generic[Models]):
                 result = _no_result(type(answer).__name__, str(answer), missed)
             else:
                 result = compare_with_truth(answer, view, truth, bolts.true_id_of)
+                if answer.motor_mask is not None:
+                    mask = count_mask(answer.motor_mask, view.depth_path, view.label_path)
         return ViewRecord(
             view=view.index,
             clamp=view.clamp,
             points=len(scan),
             result=result,
+            mask=mask,
             read_s=read_s,
             time=time,
         )

@@ -8,7 +8,7 @@ from boltpose.evaluation.pipeline import OnStage, Pipeline
 from boltpose.geometry.transforms import Transform
 from boltpose.io.hand_eye import read_hand_eye
 from boltpose.io.scan import read_scan
-from boltpose.locate import locate
+from boltpose.locate import LocateConfig, locate
 from boltpose.prior.build import build_prior
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
 from boltpose.schema import LocateResult, Prior, Scan
@@ -50,4 +50,6 @@ def _locate(
     models: Models,
     on_stage: OnStage,
 ) -> LocateResult:
-    return locate(scan, prior, base_from_camera, models.scene, on_stage=on_stage)
+    # as with --picture, which shows the scan's labels too: they are compared with the truth
+    config = LocateConfig(label_scan=True)
+    return locate(scan, prior, base_from_camera, models.scene, config, on_stage=on_stage)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from boltpose.evaluation.bolts import BoltMatching
+from boltpose.evaluation.masks import MaskCounts
 from boltpose.evaluation.negatives import CaseKind, Expectation
 from boltpose.evaluation.poses import PoseError, PoseRecord
 
-FORMAT = "boltpose.evaluation/1"
+FORMAT = "boltpose.evaluation/2"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +62,8 @@ class ViewRecord:
     clamp: str
     points: int
     result: PoseRecord
+    mask: MaskCounts | None
+    """Points on the posed prior against the true labels; None for a refused view."""
     read_s: float
     time: CallTime
 

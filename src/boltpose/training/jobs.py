@@ -10,6 +10,7 @@ from lightning_fabric import Fabric
 
 from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.errors import ConfigError
+from boltpose.segmentation.plain import INPUTS
 from boltpose.segmentation.predictor import PARTS
 from boltpose.training.hardware import Hardware
 from boltpose.training.loop import FitConfig
@@ -18,7 +19,6 @@ from boltpose.training.plain import PlainConfig, score_plain, train_plain
 from boltpose.training.runs import Progress, train_part_models, train_scene_model, write_metrics
 from boltpose.training.scene import SceneConfig
 from boltpose.training.scores import SegmentationScores, score_confusion
-from boltpose.training.sub_clouds import INPUTS
 
 EVIDENCE = "evidence"
 """Inputs of the networks of the product: dense features and stage one's probabilities."""

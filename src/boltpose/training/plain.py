@@ -16,18 +16,17 @@ from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.errors import ConfigError, DegenerateGeometryError
 from boltpose.networks.backbones import BACKBONES, build_backbone
 from boltpose.networks.segmentation_network import SegmentationNetwork
+from boltpose.segmentation.plain import CLASSES, input_columns
 from boltpose.segmentation.voting import split_randomly
 from boltpose.training.hardware import first_process_first, prepare_torch
 from boltpose.training.loop import Cloud, FitConfig, fit
 from boltpose.training.run_folder import CHECKPOINT_FILE, WEIGHTS_FILE, claim_run
 from boltpose.training.sub_clouds import (
-    CLASSES,
     PART_VARIATION,
     SCENE_VARIATION,
     LabelledInputs,
     PoolConfig,
     full_inputs,
-    input_columns,
     load_pool,
 )
 from boltpose.training.weights import load_into, read_weights, save_weights

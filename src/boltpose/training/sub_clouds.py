@@ -16,35 +16,8 @@ from boltpose.datasets.labelled_motors import LabelledMotors
 from boltpose.datasets.part_clouds import PartCloudConfig, load_part_clouds
 from boltpose.datasets.scene_clouds import load_scene_clouds
 from boltpose.errors import ConfigError
-from boltpose.segmentation.part_features import FEATURE_CONFIG, FEATURE_WIDTH
-from boltpose.segmentation.scene_features import SCENE_WIDTH
-
-TASKS = ("parts", "scene")
-INPUTS = ("xyz", "normals", "features")
-CLASSES = {"parts": 6, "scene": 2}
-
-_COLUMNS: dict[tuple[str, str], list[int]] = {
-    ("parts", "xyz"): [0, 1, 2],
-    ("parts", "normals"): [0, 1, 2, 4, 5, 6],
-    ("parts", "features"): [0, 1, 2, 4, 5, 6, 3, *range(7, FEATURE_WIDTH)],
-    ("scene", "xyz"): [0, 1, 2],
-    ("scene", "normals"): [0, 1, 2, 3, 4, 5],
-    ("scene", "features"): list(range(SCENE_WIDTH)),
-}
-"""Columns of `part_features` or `scene_features`: place first, then normal, then the others."""
-
-
-def input_columns(task: str, inputs: str) -> list[int]:
-    """Columns of the features of a task that networks with these inputs read.
-
-    Raises:
-        ConfigError: There is no such task or kind of inputs.
-    """
-    if task not in TASKS:
-        raise ConfigError(f"task must be one of {TASKS}, got {task}")
-    if inputs not in INPUTS:
-        raise ConfigError(f"inputs must be one of {INPUTS}, got {inputs}")
-    return _COLUMNS[task, inputs]
+from boltpose.segmentation.part_features import FEATURE_CONFIG
+from boltpose.segmentation.plain import CLASSES, input_columns
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
