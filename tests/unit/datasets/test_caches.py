@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from boltpose.datasets import part_clouds
-from boltpose.datasets.part_clouds import PartCloudConfig, load_part_clouds
 from boltpose.datasets.labelled_motors import LabelledCloud
+from boltpose.datasets.part_clouds import PartCloudConfig, load_part_clouds
 from boltpose.datasets.reman18 import Reman18
 from boltpose.datasets.scene_clouds import build_scene_cloud
 from boltpose.segmentation.part_features import FEATURE_WIDTH

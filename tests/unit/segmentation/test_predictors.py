@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from boltpose.datasets.part_clouds import scan_normals
 from boltpose.datasets.labelled_motors import LabelledCloud
+from boltpose.datasets.part_clouds import scan_normals
 from boltpose.datasets.reman18 import Reman18
 from boltpose.errors import DegenerateGeometryError, ShapeError
 from boltpose.schema import Part
