@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -32,7 +33,25 @@ def warn(text: str) -> None:
     console.print(f"[bold yellow]warning:[/] {text}", soft_wrap=True)
 
 
-class StageProgress:
+class LiveProgress:
+    """Something with a rich `Progress` that is drawn between `with` and its end."""
+
+    _progress: Progress
+
+    def __enter__(self) -> Self:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._progress.stop()
+
+
+class StageProgress(LiveProgress):
     """Shows the stage that ended last while work goes on, and keeps the time of every stage.
 
     Draws on stderr, and only on a terminal: a log gets no control characters. Pass `done` as
@@ -63,15 +82,3 @@ class StageProgress:
         """Return for example `segment 0.41 s, register 0.52 s; 0.93 s in all`."""
         stages = ", ".join(f"{stage} {time:.2f} s" for stage, time in self.seconds.items())
         return f"{stages}; {sum(self.seconds.values()):.2f} s in all"
-
-    def __enter__(self) -> StageProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._progress.stop()

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import LiveProgress, note_console
 from boltpose.evaluation.study_records import StudyRecord
 
 
-class StudyProgress:
+class StudyProgress(LiveProgress):
     """A bar for the runs and one for the training at hand; on a log, a line per finished run."""
 
     def __init__(self, title: str, runs: int) -> None:
@@ -62,18 +60,6 @@ class StudyProgress:
         if who != self._waits_for:
             self._waits_for = who
             self._console.print(f"waiting for {who}, which does what is left", soft_wrap=True)
-
-    def __enter__(self) -> StudyProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._progress.stop()
 
 
 def describe_run(record: StudyRecord) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import TracebackType
 
 from rich.progress import (
     BarColumn,
@@ -14,11 +13,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import LiveProgress, note_console
 from boltpose.synthesis.write import Sample
 
 
-class SampleProgress:
+class SampleProgress(LiveProgress):
     """A bar with the time that is left; on a log instead of a terminal, a line now and then."""
 
     def __init__(self, title: str) -> None:
@@ -66,15 +65,3 @@ class SampleProgress:
         stages = ", ".join(f"{name} {total / made:.2f} s" for name, total in self._stages.items())
         wall = (time.perf_counter() - self._began) / made
         return f"{wall:.2f} s per motor ({stages} of one core)"
-
-    def __enter__(self) -> SampleProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._progress.stop()

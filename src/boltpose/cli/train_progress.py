@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import LiveProgress, note_console
 
 _LINES = 10
 """On a log instead of a terminal: so many lines per thing that is done."""
 
 
-class TrainProgress:
+class TrainProgress(LiveProgress):
     """One bar per thing that is fitted; on a log, a line every tenth of it."""
 
     def __init__(self) -> None:
@@ -36,15 +34,3 @@ class TrainProgress:
         if what not in self._tasks:
             self._tasks[what] = self._progress.add_task(what, total=steps, loss=loss)
         self._progress.update(self._tasks[what], completed=step + 1, total=steps, loss=loss)
-
-    def __enter__(self) -> TrainProgress:
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self._progress.stop()

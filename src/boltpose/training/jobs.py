@@ -16,7 +16,13 @@ from boltpose.training.hardware import Hardware
 from boltpose.training.loop import FitConfig
 from boltpose.training.parts import PartsConfig
 from boltpose.training.plain import PlainConfig, score_plain, train_plain
-from boltpose.training.runs import Progress, train_part_models, train_scene_model, write_metrics
+from boltpose.training.runs import (
+    EvidenceRun,
+    Progress,
+    train_part_models,
+    train_scene_model,
+    write_metrics,
+)
 from boltpose.training.scene import SceneConfig
 from boltpose.training.scores import SegmentationScores, score_confusion
 
@@ -96,31 +102,20 @@ def run_job(
     fabric = job.hardware.launch()
     if job.inputs != EVIDENCE:
         return _run_plain(data, job, fabric, test, on_progress)
-    if job.task == "parts":
-        return train_part_models(
-            data,
-            job.leave_out,
-            job.cache,
-            job.out,
-            _parts_recipe(job, data),
-            test=test,
-            pretrained=job.pretrained,
-            fabric=fabric,
-            workers=job.workers,
-            on_progress=on_progress,
-        )
-    return train_scene_model(
-        data,
-        job.leave_out,
-        job.cache,
-        job.out,
-        _scene_recipe(job, data),
+    run = EvidenceRun(
+        data=data,
+        leave_out=job.leave_out,
+        cache=job.cache,
+        out=job.out,
         test=test,
         pretrained=job.pretrained,
         fabric=fabric,
         workers=job.workers,
         on_progress=on_progress,
     )
+    if job.task == "parts":
+        return train_part_models(run, _parts_recipe(job, data))
+    return train_scene_model(run, _scene_recipe(job, data))
 
 
 def _run_plain(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeVar
 
 import numpy as np
 from lightning_fabric import Fabric
@@ -84,118 +85,132 @@ def describe_run(
     }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvidenceRun:
+    """One training of both stages, and what it is scored on."""
+
+    data: LabelledMotors
+    leave_out: str | None
+    """Family not to be seen; None for all."""
+    cache: Path
+    """Folder for features."""
+    out: Path
+    """Run folder: weights (.safetensors), both stages as ONNX, and metrics.json."""
+    test: LabelledMotors | None = None
+    """Another data set to score on, all of it, instead of the family left out."""
+    pretrained: Path | None = None
+    """Run folder of networks to start from."""
+    fabric: Fabric | None = None
+    """Launched hardware; one process on one processor by default. The first process writes."""
+    workers: int = 1
+    """Processes that compute features; the networks do not depend on it."""
+    on_progress: Progress = _no_progress
+
+    @property
+    def is_first(self) -> bool:
+        """Whether this is the process that writes files."""
+        return self.fabric is None or self.fabric.is_global_zero
+
+
 def train_part_models(
-    data: LabelledMotors,
-    leave_out: str | None,
-    cache: Path,
-    out: Path,
-    config: PartsConfig | None = None,
-    *,
-    test: LabelledMotors | None = None,
-    pretrained: Path | None = None,
-    fabric: Fabric | None = None,
-    workers: int = 1,
-    on_progress: Progress = _no_progress,
+    run: EvidenceRun, config: PartsConfig | None = None
 ) -> SegmentationScores | None:
     """Train the part networks and write them as ONNX; a finished run is scored anew.
 
     Args:
-        data: The labelled motors.
-        leave_out: Family not to be seen; None for all.
-        cache: Folder for features.
-        out: Run folder: weights (.safetensors), parts_local.onnx, parts.onnx and metrics.json.
+        run: On what and where.
         config: The recipe.
-        test: Another data set to score on, all of it, instead of the family left out.
-        pretrained: Run folder of networks to start from.
-        fabric: Launched hardware; one process on one processor by default. The first process
-            writes the files.
-        workers: Processes that compute features; the networks do not depend on it.
-        on_progress: Told every step.
 
     Returns:
-        Scores on what was held out, through the exported networks; None if nothing was.
+        Scores on what was held out, through the exported networks; None if nothing was, or in
+        all processes but the first.
     """
     recipe = config or PartsConfig()
-    prepare_torch()
-    start = None if pretrained is None else pretrained / PARTS_WEIGHTS
-    settings = describe_run(data, leave_out, recipe.describe(), start)
-    is_first = fabric is None or fabric.is_global_zero
-    if is_first:
-        claim_run(out, {"task": "parts", "inputs": "evidence", **settings})
-    if not (out / PARTS_WEIGHTS).exists():
-        networks = train_parts(
-            data,
-            leave_out,
-            cache,
+    return _train_and_score(
+        run,
+        "parts",
+        recipe,
+        (PARTS_LOCAL_WEIGHTS, PARTS_WEIGHTS),
+        train=lambda: train_parts(
+            run.data,
+            run.leave_out,
+            run.cache,
             recipe,
-            run=out,
-            pretrained=pretrained,
-            fabric=fabric,
-            workers=workers,
-            on_progress=on_progress,
-        )
-        if is_first:
-            _export_parts(networks, out, recipe, leave_out)
-            # last: the mark of a finished run
-            save_weights(out / PARTS_LOCAL_WEIGHTS, networks.local, settings)
-            save_weights(out / PARTS_WEIGHTS, networks.context, settings)
-    if not is_first:
-        return None
-    held_out = _held_out(data, leave_out, test)
-    if held_out is None:
-        return None
-    predictor = OnnxPartPredictor(out / PARTS_LOCAL_FILE, out / PARTS_FILE)
-    scores = score_parts(predictor, *held_out)
-    write_metrics(out, "parts", scores, recipe.describe())
-    return scores
+            run=run.out,
+            pretrained=run.pretrained,
+            fabric=run.fabric,
+            workers=run.workers,
+            on_progress=run.on_progress,
+        ),
+        export=lambda networks: _export_parts(networks, run.out, recipe, run.leave_out),
+        score=lambda data, motors: score_parts(
+            OnnxPartPredictor(run.out / PARTS_LOCAL_FILE, run.out / PARTS_FILE), data, motors
+        ),
+    )
 
 
 def train_scene_model(
-    data: LabelledMotors,
-    leave_out: str | None,
-    cache: Path,
-    out: Path,
-    config: SceneConfig | None = None,
-    *,
-    test: LabelledMotors | None = None,
-    pretrained: Path | None = None,
-    fabric: Fabric | None = None,
-    workers: int = 1,
-    on_progress: Progress = _no_progress,
+    run: EvidenceRun, config: SceneConfig | None = None
 ) -> SegmentationScores | None:
-    """Train the scene networks and write them as ONNX; arguments as for `train_part_models`."""
+    """Train the scene networks and write them as ONNX; as `train_part_models`."""
     recipe = config or SceneConfig()
-    prepare_torch()
-    start = None if pretrained is None else pretrained / SCENE_WEIGHTS
-    settings = describe_run(data, leave_out, recipe.describe(), start)
-    is_first = fabric is None or fabric.is_global_zero
-    if is_first:
-        claim_run(out, {"task": "scene", "inputs": "evidence", **settings})
-    if not (out / SCENE_WEIGHTS).exists():
-        networks = train_scene(
-            data,
-            leave_out,
-            cache,
+    return _train_and_score(
+        run,
+        "scene",
+        recipe,
+        (SCENE_LOCAL_WEIGHTS, SCENE_WEIGHTS),
+        train=lambda: train_scene(
+            run.data,
+            run.leave_out,
+            run.cache,
             recipe,
-            run=out,
-            pretrained=pretrained,
-            fabric=fabric,
-            workers=workers,
-            on_progress=on_progress,
-        )
-        if is_first:
-            _export_scene(networks, out, recipe, leave_out)
+            run=run.out,
+            pretrained=run.pretrained,
+            fabric=run.fabric,
+            workers=run.workers,
+            on_progress=run.on_progress,
+        ),
+        export=lambda networks: _export_scene(networks, run.out, recipe, run.leave_out),
+        score=lambda data, motors: score_scene(
+            OnnxScenePredictor(run.out / SCENE_LOCAL_FILE, run.out / SCENE_FILE), data, motors
+        ),
+    )
+
+
+Networks = TypeVar("Networks", PartNetworks, SceneNetworks)
+
+
+def _train_and_score(
+    run: EvidenceRun,
+    task: str,
+    recipe: PartsConfig | SceneConfig,
+    files: tuple[str, str],
+    *,
+    train: Callable[[], Networks],
+    export: Callable[[Networks], None],
+    score: Callable[[LabelledMotors, tuple[str, ...]], SegmentationScores],
+) -> SegmentationScores | None:
+    """What both tasks have in common; `files` are the weights of both stages."""
+    prepare_torch()
+    local, context = (run.out / name for name in files)
+    start = None if run.pretrained is None else run.pretrained / context.name
+    settings = describe_run(run.data, run.leave_out, recipe.describe(), start)
+    if run.is_first:
+        claim_run(run.out, {"task": task, "inputs": "evidence", **settings})
+    if not context.exists():
+        networks = train()
+        if run.is_first:
+            export(networks)
             # last: the mark of a finished run
-            save_weights(out / SCENE_LOCAL_WEIGHTS, networks.local, settings)
-            save_weights(out / SCENE_WEIGHTS, networks.context, settings)
-    if not is_first:
+            save_weights(local, networks.local, settings)
+            save_weights(context, networks.context, settings)
+    if not run.is_first:
         return None
-    held_out = _held_out(data, leave_out, test)
+    held_out = _held_out(run.data, run.leave_out, run.test)
     if held_out is None:
         return None
-    predictor = OnnxScenePredictor(out / SCENE_LOCAL_FILE, out / SCENE_FILE)
-    scores = score_scene(predictor, *held_out)
-    write_metrics(out, "scene", scores, recipe.describe())
+    scores = score(*held_out)
+    write_metrics(run.out, task, scores, recipe.describe())
     return scores
 
 

@@ -13,7 +13,13 @@ from boltpose.segmentation.predictor import PartProbabilities
 from boltpose.training.__main__ import main
 from boltpose.training.local_evidence import cross_fitting_folds
 from boltpose.training.parts import PartsConfig
-from boltpose.training.runs import score_parts, score_scene, train_part_models, write_metrics
+from boltpose.training.runs import (
+    EvidenceRun,
+    score_parts,
+    score_scene,
+    train_part_models,
+    write_metrics,
+)
 from boltpose.training.scores import SegmentationScores
 from boltpose.training.shipping import ALL_MOTORS, ship_models
 from tests.support.toy_motor import toy_motor
@@ -127,7 +133,9 @@ def test_a_network_trained_on_one_data_set_is_scored_on_all_of_another(tmp_path:
         fit=replace(recipe.fit, steps=40, batch=4),
     )
 
-    scores = train_part_models(data, None, tmp_path / "cache", tmp_path / "out", recipe, test=test)
+    out = tmp_path / "out"
+    run = EvidenceRun(data=data, leave_out=None, cache=tmp_path / "cache", out=out, test=test)
+    scores = train_part_models(run, recipe)
 
     assert scores is not None
     assert scores.points == len(test.full_scan("motor_three_7").labels)
