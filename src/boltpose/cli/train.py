@@ -9,7 +9,6 @@ import typer
 
 from boltpose.cli.console import note_console
 from boltpose.cli.train_progress import TrainProgress
-from boltpose.datasets.open import cache_folder, open_data_set
 from boltpose.errors import ConfigError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -183,6 +182,8 @@ def _train(
     **settings: Any,
 ) -> None:
     """Check everything that can be checked before torch is loaded, then train."""
+    from boltpose.datasets.open import cache_folder, open_data_set
+
     motors = open_data_set(data)
     tested = None if test is None else open_data_set(test)
     if leave_out not in ("each", "none") and leave_out not in motors.families:
