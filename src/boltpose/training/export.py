@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import tempfile
 import warnings
 from collections.abc import Iterable
@@ -99,6 +100,8 @@ def build_onnx(
     for number, index in enumerate(levels, start=1):
         centres = torch.export.Dim(f"centres_{number}", min=_LEAST_POINTS, max=index.shape[1])
         shapes.append({0: free[0], 1: centres})
+    # it says four times that torchvision, which is not needed, is not there
+    logging.getLogger("torch.onnx._internal.exporter._registration").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         # torch 2.13's exporter warns about its own use of LeafSpec
         warnings.simplefilter("ignore")
