@@ -17,6 +17,7 @@ from torch.nn import functional
 
 from boltpose.arrays import Float32Array, IntArray
 from boltpose.training.checkpoint import load_checkpoint, save_checkpoint
+from boltpose.training.hardware import denormals_as_zero
 from boltpose.training.run_log import RunLog, StepRecord
 
 Cloud = tuple[Float32Array, IntArray]
@@ -119,6 +120,7 @@ def fit(
     losses: list[float] = []
     model.train()
     with ExitStack() as stack:
+        stack.enter_context(denormals_as_zero())
         writer = None
         if log is not None and hardware.is_global_zero:
             writer = stack.enter_context(closing(RunLog(log, start)))

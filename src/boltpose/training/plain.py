@@ -18,7 +18,7 @@ from boltpose.networks.backbones import BACKBONES, build_backbone
 from boltpose.networks.segmentation_network import SegmentationNetwork
 from boltpose.segmentation.plain import CLASSES, input_columns
 from boltpose.segmentation.voting import split_randomly
-from boltpose.training.hardware import first_process_first, prepare_torch
+from boltpose.training.hardware import denormals_as_zero, first_process_first, prepare_torch
 from boltpose.training.loop import Cloud, FitConfig, fit
 from boltpose.training.run_folder import CHECKPOINT_FILE, WEIGHTS_FILE, claim_run
 from boltpose.training.sub_clouds import (
@@ -231,6 +231,7 @@ def _probabilities(
     network: SegmentationNetwork, cloud: LabelledInputs, group: IntArray, config: PlainConfig
 ) -> torch.Tensor:
     with (
+        denormals_as_zero(),
         torch.inference_mode(),
         torch.autocast("cpu", torch.bfloat16, enabled=config.use_bfloat16),
     ):

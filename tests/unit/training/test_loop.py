@@ -72,6 +72,27 @@ def test_a_resumed_run_ends_where_an_uninterrupted_one_does(tmp_path: Path) -> N
     assert [record.step for record in read_log(log)] == list(range(12))
 
 
+def test_denormals_are_numbers_again_afterwards() -> None:
+    """It is a state of the thread: what runs next, and k-d trees above all, counts on them."""
+    tiny = np.float64(5e-324)
+    during: list[bool] = []
+
+    def draw(rng: np.random.Generator) -> Cloud:
+        during.append(bool(tiny * np.float64(1.0) == 0))
+        return _draw(rng)
+
+    fit(_network(), draw, replace(CONFIG, steps=1))
+    assert all(during)
+    assert tiny * np.float64(1.0) > 0
+
+    def fail(rng: np.random.Generator) -> Cloud:
+        raise PowerCutError
+
+    with pytest.raises(PowerCutError):
+        fit(_network(), fail, CONFIG)
+    assert tiny * np.float64(1.0) > 0
+
+
 def test_a_log_cut_short_in_a_line_is_read_up_to_there(tmp_path: Path) -> None:
     log = RunLog(tmp_path)
     for step in range(3):
