@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ def prepare_torch() -> None:
 
 
 @contextmanager
-def denormals_as_zero() -> Iterator[None]:
+def denormals_as_zero() -> Generator[None]:
     """Treat denormal numbers as zero while networks work, and only then.
 
     Attention turns most weights into denormals, on which processors are slow: without them
