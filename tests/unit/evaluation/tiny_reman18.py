@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,10 @@ def tiny_pipeline(root: Path) -> Pipeline[str]:
         assert models == motor.family
         on_stage("find", 0.125)
         view = motor.views[int(path.stem)]
-        return located(prior, view.camera_from_prior, base_from_camera)
+        result = located(prior, view.camera_from_prior, base_from_camera)
+        with Image.open(view.label_path) as labels, Image.open(view.depth_path) as depth:
+            is_motor = np.asarray(labels)[np.asarray(depth) > 0] > 0
+        return replace(result, motor_mask=is_motor)
 
     return Pipeline(
         load_models=load_models,
