@@ -23,6 +23,9 @@ from boltpose.training.run_log import RunLog, StepRecord
 Cloud = tuple[Float32Array, IntArray]
 """Inputs, (N, channels), and classes, (N,) from 0, of one sub-cloud."""
 
+Progress = Callable[[str, int, int, float], None]
+"""Called with what is being done, the step from 0, the number of steps and the loss."""
+
 Draw = Callable[[np.random.Generator], Cloud]
 """Draws a sub-cloud; all sub-clouds of a batch have the same number of points."""
 

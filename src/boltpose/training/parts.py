@@ -36,16 +36,13 @@ from boltpose.training.local_evidence import (
     load_or_fit_local_evidence,
     predict_local_evidence,
 )
-from boltpose.training.loop import Cloud, FitConfig, fit
+from boltpose.training.loop import Cloud, FitConfig, Progress, fit
 from boltpose.training.weights import load_into
 
 logger = logging.getLogger(__name__)
 
 PARTS_LOCAL_WEIGHTS = "parts_local.safetensors"
 PARTS_WEIGHTS = "parts.safetensors"
-
-Progress = Callable[[str, int, int, float], None]
-"""Called with what is being fitted, the step, the number of steps and the loss."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,7 +145,7 @@ def train_parts(
     cache: Path,
     config: PartsConfig | None = None,
     *,
-    run: Path | None = None,
+    run: Path,
     pretrained: Path | None = None,
     fabric: Fabric | None = None,
     workers: int = 1,
@@ -161,7 +158,7 @@ def train_parts(
         leave_out: Family no part of the training may see; None for the shipped networks.
         cache: Folder for features, shared by all runs on the same data.
         config: The recipe.
-        run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
+        run: Folder for stage-one networks, checkpoint and log.
         pretrained: Folder with the weights of both stages to start from.
         fabric: Launched hardware; one process on one processor by default.
         workers: Processes that compute features; the networks do not depend on it.
@@ -175,7 +172,6 @@ def train_parts(
         InputFileError: The pretrained weights are missing or of other networks.
     """
     recipe = config or PartsConfig()
-    place = cache if run is None else run
     if leave_out is not None:
         data.motors_of(leave_out)
     motors = len(data.motors)
@@ -195,7 +191,7 @@ def train_parts(
     def local(without: set[str]) -> PointMlp:
         name = "local evidence without " + (", ".join(sorted(without)) or "none")
         return load_or_fit_local_evidence(
-            place / "stage_one",
+            run / "stage_one",
             without,
             rows,
             recipe.local,
@@ -219,7 +215,7 @@ def train_parts(
         recipe,
         pretrained=None if pretrained is None else pretrained / PARTS_WEIGHTS,
         fabric=fabric,
-        checkpoint=place / f"parts_without_{leave_out or 'none'}.safetensors",
+        checkpoint=run / f"parts_without_{leave_out or 'none'}.safetensors",
         log=run,
         on_step=lambda step, loss: on_progress("parts", step, recipe.fit.steps, loss),
     )

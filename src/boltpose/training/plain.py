@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from boltpose.networks.segmentation_network import SegmentationNetwork
 from boltpose.segmentation.plain import CLASSES, input_columns
 from boltpose.segmentation.voting import split_randomly
 from boltpose.training.hardware import denormals_as_zero, first_process_first, prepare_torch
-from boltpose.training.loop import Cloud, FitConfig, fit
+from boltpose.training.loop import Cloud, FitConfig, Progress, fit
 from boltpose.training.run_folder import CHECKPOINT_FILE, WEIGHTS_FILE, claim_run
 from boltpose.training.sub_clouds import (
     PART_VARIATION,
@@ -30,9 +30,6 @@ from boltpose.training.sub_clouds import (
     load_pool,
 )
 from boltpose.training.weights import load_into, read_weights, save_weights
-
-Progress = Callable[[str, int, int, float], None]
-"""Called with what is being done, the step, the number of steps and the loss."""
 
 _PART_WEIGHTS = (1.0, 1.0, 1.0, 2.0, 2.0, 3.0)
 """Of classes 1 to 6: few points are on terminals, gears and bolts."""

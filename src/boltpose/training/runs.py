@@ -41,6 +41,7 @@ from boltpose.segmentation.scene_features import (
 )
 from boltpose.training.export import export_onnx, round_to_half
 from boltpose.training.hardware import prepare_torch
+from boltpose.training.loop import Progress
 from boltpose.training.parts import (
     PARTS_LOCAL_WEIGHTS,
     PARTS_WEIGHTS,
@@ -60,9 +61,6 @@ from boltpose.training.scores import SegmentationScores, confusion_matrix, score
 from boltpose.training.weights import read_weights, save_weights
 
 METRICS_FILE = "metrics.json"
-
-Progress = Callable[[str, int, int, float], None]
-"""Called with what is being fitted, the step, the number of steps and the loss."""
 
 
 def _no_progress(what: str, step: int, steps: int, loss: float) -> None:

@@ -31,7 +31,7 @@ from boltpose.training.local_evidence import (
     load_or_fit_local_evidence,
     predict_local_evidence,
 )
-from boltpose.training.loop import FitConfig, fit
+from boltpose.training.loop import FitConfig, Progress, fit
 from boltpose.training.weights import load_into
 
 SCENE_LOCAL_WEIGHTS = "scene_local.safetensors"
@@ -150,11 +150,11 @@ def train_scene(
     cache: Path,
     config: SceneConfig | None = None,
     *,
-    run: Path | None = None,
+    run: Path,
     pretrained: Path | None = None,
     fabric: Fabric | None = None,
     workers: int = 1,
-    on_progress: Callable[[str, int, int, float], None] = lambda what, step, steps, loss: None,
+    on_progress: Progress = lambda what, step, steps, loss: None,
 ) -> SceneNetworks:
     """Train both stages on all families but one; interrupted runs go on where they stopped.
 
@@ -163,7 +163,7 @@ def train_scene(
         leave_out: Family no part of the training may see; None for the shipped networks.
         cache: Folder for features, shared by all runs on the same data.
         config: The recipe.
-        run: Folder for stage-one networks, checkpoints and weights; `cache` by default.
+        run: Folder for stage-one networks, checkpoint and log.
         pretrained: Folder with the weights of both stages to start from.
         fabric: Launched hardware; one process on one processor by default.
         workers: Processes that compute features; the networks do not depend on it.
@@ -177,7 +177,6 @@ def train_scene(
         InputFileError: The pretrained weights are missing or of other networks.
     """
     recipe = config or SceneConfig()
-    place = cache if run is None else run
     if leave_out is not None:
         data.motors_of(leave_out)
     views = sum(data.view_count(motor) for motor in data.motors)
@@ -198,7 +197,7 @@ def train_scene(
     def local(without: set[str]) -> PointMlp:
         name = "local evidence without " + (", ".join(sorted(without)) or "none")
         return load_or_fit_local_evidence(
-            place / "scene_stage_one",
+            run / "scene_stage_one",
             without,
             rows,
             recipe.local,
@@ -226,7 +225,7 @@ def train_scene(
         recipe,
         pretrained=None if pretrained is None else pretrained / SCENE_WEIGHTS,
         fabric=fabric,
-        checkpoint=place / f"scene_without_{leave_out or 'none'}.safetensors",
+        checkpoint=run / f"scene_without_{leave_out or 'none'}.safetensors",
         log=run,
         on_step=lambda step, loss: on_progress("scene", step, recipe.fit.steps, loss),
     )
