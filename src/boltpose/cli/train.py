@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -116,54 +117,42 @@ _DATA = Path("data/reman18")
 _CACHE = Path("runs/features")
 
 
-def train_parts(
-    out: OutOption,
-    data: DataOption = _DATA,
-    inputs: InputsOption = "evidence",
-    backbone: BackboneOption = None,
-    points: PointsOption = None,
-    batch: BatchOption = None,
-    epochs: EpochsOption = None,
-    pretrained: PretrainedOption = None,
-    warm_up: WarmUpOption = None,
-    learning_rate: RateOption = None,
-    recipe: RecipeOption = None,
-    leave_out: LeaveOutOption = "none",
-    test: TestOption = None,
-    seed: SeedOption = 0,
-    cache: CacheOption = _CACHE,
-    workers: WorkersOption = 1,
-    accelerator: AcceleratorOption = "cpu",
-    devices: DevicesOption = 1,
-    nodes: NodesOption = 1,
-) -> None:
-    """Train the networks that tell the parts of a full scan."""
-    _train("parts", **locals())
+def _command(task: str, text: str) -> Callable[..., None]:
+    """A command with the options that both tasks have, typed once."""
+
+    def train(
+        out: OutOption,
+        data: DataOption = _DATA,
+        inputs: InputsOption = "evidence",
+        backbone: BackboneOption = None,
+        points: PointsOption = None,
+        batch: BatchOption = None,
+        epochs: EpochsOption = None,
+        pretrained: PretrainedOption = None,
+        warm_up: WarmUpOption = None,
+        learning_rate: RateOption = None,
+        recipe: RecipeOption = None,
+        leave_out: LeaveOutOption = "none",
+        test: TestOption = None,
+        seed: SeedOption = 0,
+        cache: CacheOption = _CACHE,
+        workers: WorkersOption = 1,
+        accelerator: AcceleratorOption = "cpu",
+        devices: DevicesOption = 1,
+        nodes: NodesOption = 1,
+    ) -> None:
+        given = locals()
+        _train(task, **{name: value for name, value in given.items() if name != "task"})
+
+    train.__name__ = f"train_{task}"
+    train.__doc__ = text
+    return train
 
 
-def train_scene(
-    out: OutOption,
-    data: DataOption = _DATA,
-    inputs: InputsOption = "evidence",
-    backbone: BackboneOption = None,
-    points: PointsOption = None,
-    batch: BatchOption = None,
-    epochs: EpochsOption = None,
-    pretrained: PretrainedOption = None,
-    warm_up: WarmUpOption = None,
-    learning_rate: RateOption = None,
-    recipe: RecipeOption = None,
-    leave_out: LeaveOutOption = "none",
-    test: TestOption = None,
-    seed: SeedOption = 0,
-    cache: CacheOption = _CACHE,
-    workers: WorkersOption = 1,
-    accelerator: AcceleratorOption = "cpu",
-    devices: DevicesOption = 1,
-    nodes: NodesOption = 1,
-) -> None:
-    """Train the network that tells the motor from its surroundings in a view."""
-    _train("scene", **locals())
+train_parts = _command("parts", "Train the networks that tell the parts of a full scan.")
+train_scene = _command(
+    "scene", "Train the network that tells the motor from its surroundings in a view."
+)
 
 
 def _train(
@@ -202,6 +191,7 @@ def _train(
             task=task,
             out=out / family if leave_out == "each" else out,
             cache=cache_folder(motors, cache),
+            test_cache=None if tested is None else cache_folder(tested, cache),
             leave_out=None if family == "none" else family,
             recipe=chosen,
             warm_up_epochs=warm_up,

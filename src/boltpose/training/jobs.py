@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from lightning_fabric import Fabric
@@ -13,12 +13,11 @@ from boltpose.errors import ConfigError
 from boltpose.segmentation.plain import INPUTS
 from boltpose.segmentation.predictor import PARTS
 from boltpose.training.hardware import Hardware
-from boltpose.training.loop import FitConfig
+from boltpose.training.loop import FitConfig, Progress
 from boltpose.training.parts import PartsConfig
 from boltpose.training.plain import PlainConfig, score_plain, train_plain
 from boltpose.training.runs import (
     EvidenceRun,
-    Progress,
     train_part_models,
     train_scene_model,
     write_metrics,
@@ -42,6 +41,9 @@ class TrainJob:
     out: Path
     """Run folder."""
     cache: Path
+    """Folder for features of the data set; another data set needs another one."""
+    test_cache: Path | None = None
+    """The same for a data set that is only scored on."""
     inputs: str = EVIDENCE
     recipe: str = "few"
     """Of evidence networks: few or many motors; fine-tune: few, from pretrained weights."""
@@ -97,6 +99,8 @@ def run_job(
     """
     if test is not None and job.leave_out is not None:
         raise ConfigError(f"--test and --leave-out {job.leave_out} exclude each other")
+    if (test is None) != (job.test_cache is None):
+        raise ConfigError("a data set to score on and its test_cache belong together")
     if job.leave_out is not None:
         data.motors_of(job.leave_out)
     fabric = job.hardware.launch()
@@ -140,15 +144,14 @@ def _run_plain(
     )
     if not fabric.is_global_zero or (test is None and job.leave_out is None):
         return None
-    if test is not None:
-        # features of two data sets may have the same names: a folder of its own
-        confusion = score_plain(test, test.motors, weights, cache=job.cache / "test")
+    if test is not None and job.test_cache is not None:
+        confusion = score_plain(test, test.motors, weights, cache=job.test_cache)
     else:
         held_out = tuple(m for m in data.motors if m not in motors)
         confusion = score_plain(data, held_out, weights, cache=job.cache)
     names = [p.name.lower() for p in PARTS] if job.task == "parts" else ["background", "motor"]
     scores = score_confusion(confusion, names)
-    write_metrics(job.out, job.task, scores, {})
+    write_metrics(job.out, job.task, scores, asdict(config))
     return scores
 
 

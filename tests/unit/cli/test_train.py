@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from boltpose.cli.app import main
+from boltpose.datasets.open import open_data_set
 from boltpose.io.labelled import write_ply
 from tests.support.toy_motor import toy_motor
 
@@ -15,15 +16,18 @@ REMAN18 = Path(__file__).parents[3] / "data" / "reman18"
 QUICK = ["--epochs", "0.25", "--warm-up", "0.05", "--points", "128", "--batch", "2"]
 
 
-@pytest.fixture(scope="module")
-def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's own labelled scans, two kinds of motors."""
-    root = tmp_path_factory.mktemp("mine")
+def write_toys(root: Path, *, density: float = 0.12) -> Path:
+    """A user's own labelled scans, two kinds of motors, always of the same names."""
     for number, family in enumerate(("left", "right")):
-        (root / family).mkdir()
-        toy = toy_motor(seed=number, density=0.12)
+        (root / family).mkdir(parents=True)
+        toy = toy_motor(seed=number, density=density)
         write_ply(root / family / f"toy_{number}.ply", toy.points, labels=toy.labels)
     return root
+
+
+@pytest.fixture(scope="module")
+def mine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_toys(tmp_path_factory.mktemp("mine") / "toys")
 
 
 def test_a_plain_network_is_trained_and_scored_on_the_family_left_out(
@@ -49,6 +53,23 @@ def test_a_plain_network_is_trained_and_scored_on_the_family_left_out(
     described = json.loads((tmp_path / "fine" / "config.json").read_text())
     assert described["motors"] == ["toy_0", "toy_1"]
     assert len(described["pretrained"]) == 64
+
+
+def test_a_test_set_with_motors_of_the_same_names_is_itself(mine: Path, tmp_path: Path) -> None:
+    """Features are kept by motor: those of the training set must not be taken for the others."""
+    other = write_toys(tmp_path / "toys", density=0.1)
+    run = tmp_path / "run"
+    arguments = ["train", "parts", "--data", str(mine), "--inputs", "xyz", *QUICK]
+    arguments += ["--backbone", "pct-small", "--cache", str(tmp_path / "cache")]
+    assert main([*arguments, "--test", str(other), "--out", str(run)]) == 0
+    scored = json.loads((run / "metrics.json").read_text())["parts"]["held_out"]["points"]
+    counts = {
+        root: sum(len(data.full_scan(motor).labels) for motor in data.motors)
+        for root in (mine, other)
+        for data in [open_data_set(root)]
+    }
+    assert counts[mine] != counts[other]
+    assert scored == counts[other]
 
 
 @pytest.mark.parametrize(
