@@ -43,6 +43,17 @@ class Visibility(StrEnum):
     HIDDEN = "hidden"
 
 
+class BoltState(StrEnum):
+    """What the camera says about a bolt that the prior promises."""
+
+    CONFIRMED = "confirmed"
+    """The head was measured where it should be."""
+    UNSEEN = "unseen"
+    """The camera saw too little of the place to say anything."""
+    CONTRADICTED = "contradicted"
+    """The place was measured, and something else is there: no screwdriver must go there."""
+
+
 class Status(StrEnum):
     """The verdict on one scan."""
 
@@ -69,6 +80,12 @@ class Check(StrEnum):
     """A clearly different pose fits nearly as well."""
     UNCONSTRAINED = "pose_not_constrained"
     """The points leave the pose free to slide or turn, or refinement did not settle."""
+    UNLIKELY = "unlikely_pose"
+    """Every single check is met, but all numbers together look like those of a wrong pose."""
+    VIEWS_DISAGREE = "views_disagree"
+    """Views of one clamping put the motor in different places: it moved, or a hand-eye is wrong."""
+    UNKNOWN_MOTOR = "unknown_motor"
+    """None of the known motors fits, or two fit equally well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,6 +243,45 @@ class Verdict:
     """One sentence per failed check: what was found and what was wanted."""
     scores: Mapping[str, float]
     thresholds: Mapping[str, float]
+    p_correct: float = 0.0
+    """Probability that every bolt is at most 2 mm and 2 degrees off, 0 to 1; 0 without a pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class HandEyeError:
+    """How well `base_from_camera` is known: a small random motion about the camera's origin."""
+
+    rotation_sigma_rad: float
+    """1 sigma about each axis."""
+    translation_sigma_mm: float
+    """1 sigma along each axis."""
+
+    def __post_init__(self) -> None:
+        for name in ("rotation_sigma_rad", "translation_sigma_mm"):
+            value = getattr(self, name)
+            if not 0 <= value < float("inf"):  # written so that NaN fails too
+                raise ValueError(f"{name} must be finite and >= 0, got {value}")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ExtraHead:
+    """What looks like the head of a bolt where the prior has none."""
+
+    head_top_mm: FloatArray
+    """Shape (3,), in the frame of the result: the middle of its top face."""
+    diameter_mm: float
+    height_mm: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VariantScore:
+    """How one of several known motors fits a scan."""
+
+    name: str
+    status: Status
+    p_correct: float
+    score: float
+    """`Registration.score` of its best pose; -inf if there was none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -253,6 +309,11 @@ class LocatedBolt:
     cluster_centre: FloatArray
     """Shape (3,), mm, same frame as the pose: the paper's position."""
     remarks: tuple[str, ...] = ()
+    state: BoltState = BoltState.UNSEEN
+    state_reason: str = ""
+    """One sentence on what was seen instead; empty unless contradicted."""
+    p_tool_fits: float | None = None
+    """Probability that the given tool lands on the bolt, 0 to 1; None if no tool was given."""
 
     @property
     def head_top(self) -> FloatArray:
@@ -287,6 +348,10 @@ class LocateResult:
     motor_mask: BoolArray | None = None
     """Shape (N,), which points of the scan lie on the posed prior; None unless
     `LocateConfig.label_scan` asked for it."""
+    extra_heads: tuple[ExtraHead, ...] = ()
+    """Heads the camera saw that the prior does not know."""
+    variants: tuple[VariantScore, ...] = ()
+    """The known motors that were tried, best first; empty if the motor was given."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
