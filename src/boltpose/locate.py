@@ -3,58 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 import boltpose
-from boltpose.arrays import BoolArray, FloatArray
-from boltpose.errors import ConfigError, DegenerateGeometryError, FrameError
+from boltpose.arrays import BoolArray
+from boltpose.errors import FrameError
 from boltpose.geometry.transforms import Transform
-from boltpose.placement import PlacementConfig, place_bolt
-from boltpose.registration.config import RegistrationConfig, VerifyConfig, VisibilityConfig
-from boltpose.registration.icp import refine_pose
+from boltpose.locate_config import LocateConfig
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
-from boltpose.registration.register import register
 from boltpose.registration.relabel import relabel
-from boltpose.registration.scene import build_scene
 from boltpose.registration.verify import verify
-from boltpose.registration.visibility import see_bolts
-from boltpose.schema import LocatedBolt, LocateResult, Prior, Registration, Scan, Status
+from boltpose.schema import LocatedBolt, LocateResult, Prior, Scan, Status
 from boltpose.segmentation.predictor import ScenePredictor
 from boltpose.stages import OnStage, StageClock
+from boltpose.view import place_bolts, register_again, register_view, see
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LocateConfig:
-    """Settings of every stage between a scan and its poses."""
-
-    max_points: int = 300_000
-    """Larger scans are thinned by a stride for segmentation and registration: 2.3 M points are
-    then as fast and as accurate as 0.2 M (FINDINGS, section 1, "Budget")."""
-    min_motor_probability: float = 0.5
-    """Scan points from this probability on are taken for the motor."""
-    relabel_mm: float = 1.5
-    """After registration the motor is what lies this near to the posed prior; 0 keeps the
-    network's labels. Raised 96 to 99.8 % of right labels (FINDINGS, section 2)."""
-    label_scan: bool = False
-    """Fill `LocateResult.motor_mask`: pictures and reports want it, a robot does not."""
-    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
-    verification: VerifyConfig = field(default_factory=VerifyConfig)
-    visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
-    placement: PlacementConfig = field(default_factory=PlacementConfig)
-
-    def __post_init__(self) -> None:
-        if not self.max_points >= 1000:
-            raise ConfigError(f"max_points must be >= 1000, got {self.max_points}")
-        if not 0 < self.min_motor_probability < 1:
-            raise ConfigError(
-                f"min_motor_probability must be in (0, 1), got {self.min_motor_probability}"
-            )
-        if not 0 <= self.relabel_mm < 10:
-            raise ConfigError(f"relabel_mm must be in [0, 10), got {self.relabel_mm}")
+__all__ = ["LocateConfig", "locate"]
 
 
 def locate(
@@ -69,7 +36,8 @@ def locate(
 ) -> LocateResult:
     """Find every bolt of a clamped motor in the robot's base frame, seen or not.
 
-    Pure: reads no file and no global state, so the same input gives the same result bit for bit.
+    Pure: reads no file and no global state, so the same input gives the same result bit for bit,
+    whatever the order of its points and the number of threads.
 
     Args:
         scan: One view, mm, frame `camera` (camera at the origin, +z forward).
@@ -98,22 +66,19 @@ def locate(
     with threadpool_limits(1, user_api="blas"):
         prepared = prior if isinstance(prior, PreparedPrior) else prepare_prior(prior)
         stages.done("prepare prior")
-        points = scan.points[:: max(1, -(-len(scan) // config.max_points))]
-        scene = build_scene(points)
-        is_motor = _segment(points, predictor, config)
+        view = see(scan, predictor, config)
         stages.done("segmentation")
-        result = register(prepared, points[is_motor], config.registration, scene=scene)
+        best = register_view(view, prepared, config).best
         stages.done("registration")
-        best = result.best
         if best is not None:
-            best = _register_again(best, prepared, points, config)
+            best = register_again(best, view, prepared, config)
             stages.done("relabelling")
-        verdict = verify(best, prepared, scene, points[is_motor], config.verification)
+        verdict = verify(best, prepared, view.scene, view.motor_points, config.verification)
         stages.done("verification")
         bolts: tuple[LocatedBolt, ...] = ()
         motor_mask: BoolArray | None = None
         if best is not None and verdict.status is Status.OK:
-            bolts = _place(best, prepared, scan, base_from_camera, config)
+            bolts = place_bolts(best, view, prepared, base_from_camera, config)
             if config.label_scan:
                 motor_mask = relabel(
                     prepared,
@@ -147,60 +112,3 @@ def _check_frame(base_from_camera: Transform | None) -> str:
             f"{base_from_camera.target}_from_{base_from_camera.source}"
         )
     return "base"
-
-
-def _segment(points: FloatArray, predictor: ScenePredictor, config: LocateConfig) -> BoolArray:
-    if len(points) < config.registration.min_points:
-        return np.zeros(len(points), dtype=np.bool_)
-    return np.asarray(predictor.predict(points) >= config.min_motor_probability)
-
-
-def _register_again(
-    best: Registration, prepared: PreparedPrior, points: FloatArray, config: LocateConfig
-) -> Registration:
-    """Refine on the points that the first pose itself says belong to the motor."""
-    if config.relabel_mm == 0 or config.registration.method != "multi_start":
-        return best
-    is_motor = relabel(prepared, best.camera_from_prior, points, threshold_mm=config.relabel_mm)
-    try:
-        fine = refine_pose(
-            best.camera_from_prior, points[is_motor], prepared, config.registration.fine
-        )
-    except DegenerateGeometryError:
-        return best  # too few points near the prior: the verdict will say so
-    return replace(
-        best,
-        camera_from_prior=fine.camera_from_prior,
-        converged=fine.converged,
-        rms_mm=fine.rms_mm,
-        inlier_ratio=fine.inlier_ratio,
-        covariance=fine.covariance,
-        centre_mm=fine.centre_mm,
-    )
-
-
-def _place(
-    registration: Registration,
-    prepared: PreparedPrior,
-    scan: Scan,
-    base_from_camera: Transform | None,
-    config: LocateConfig,
-) -> tuple[LocatedBolt, ...]:
-    # most of a scan is clamp and table: sort it out before anything is computed on it
-    middle = registration.camera_from_prior.apply(prepared.centre_mm)
-    near = np.abs(scan.points - middle).max(axis=1) < prepared.radius_mm + 1.0
-    sights = see_bolts(
-        prepared, registration.camera_from_prior, scan.points[near], config.visibility
-    )
-    return tuple(
-        place_bolt(
-            bolt,
-            registration,
-            base_from_camera,
-            visible_fraction=sight.visible_fraction,
-            visibility=sight.visibility,
-            alignment_sigma_rad=prepared.prior.alignment.axis_sigma_rad,
-            config=config.placement,
-        )
-        for bolt, sight in zip(prepared.prior.bolts, sights, strict=True)
-    )

@@ -59,6 +59,14 @@ def test_the_same_input_gives_the_same_bytes_on_any_number_of_threads(
     assert dump_json(result) == dump_json(again) == dump_json(once_more)
 
 
+def test_the_order_of_the_points_does_not_matter(result: LocateResult) -> None:
+    scan, predictor = reman18.view(MOTOR, VIEW)
+    order = np.random.default_rng(0).permutation(len(scan))
+    for rows in (order, np.arange(len(scan))[::-1]):
+        again = locate(scan.subset(rows), reman18.true_prior(MOTOR), None, predictor)
+        assert dump_json(again) == dump_json(result)
+
+
 def test_a_hand_eye_only_moves_the_result(result: LocateResult) -> None:
     base_from_camera = Transform.from_parts(
         "base",
@@ -102,7 +110,7 @@ def test_the_frame_of_the_prior_does_not_matter(result: LocateResult) -> None:
 
 
 def _refused(scan: Scan, prior: Prior, probability: np.ndarray) -> LocateResult:
-    found = locate(scan, prior, None, reman18.TruePredictor(probability))
+    found = locate(scan, prior, None, reman18.TruePredictor(scan.points, probability))
     assert found.verdict.status is Status.REFUSED
     assert found.bolts == ()
     assert len(found.verdict.reasons) >= 1

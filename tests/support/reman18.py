@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.spatial import KDTree
 
 from boltpose.geometry.transforms import Transform
 from boltpose.io.scan import read_scan
@@ -20,12 +21,14 @@ ROOT = Path(__file__).parents[2] / "data" / "reman18"
 class TruePredictor:
     """Hands out labels known beforehand, so that a test needs no network."""
 
-    def __init__(self, motor_probability: np.ndarray) -> None:
+    def __init__(self, points: np.ndarray, motor_probability: np.ndarray) -> None:
+        self.tree = KDTree(points)
         self.motor_probability = motor_probability
 
     def predict(self, points: np.ndarray) -> np.ndarray:
-        step = -(-len(self.motor_probability) // len(points))
-        return self.motor_probability[::step]
+        distance, rows = self.tree.query(points)
+        assert not distance.any(), "asked about points of another scan"
+        return self.motor_probability[rows]
 
 
 @cache
@@ -42,7 +45,7 @@ def view(motor: str, number: int) -> tuple[Scan, TruePredictor]:
     assert scan.pixels is not None
     labels = np.asarray(Image.open(ROOT / motor / "label" / f"{number:06d}.png"))
     is_motor = labels[scan.pixels[:, 0], scan.pixels[:, 1]] > 0
-    return scan, TruePredictor(is_motor.astype(np.float32))
+    return scan, TruePredictor(scan.points, is_motor.astype(np.float32))
 
 
 def true_pose(motor: str, number: int) -> Transform:

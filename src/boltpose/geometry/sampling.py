@@ -1,4 +1,4 @@
-"""Thin point clouds without randomness."""
+"""Thin and order point clouds without randomness."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from boltpose.arrays import FloatArray, IntArray, as_points
+
+UInt64Array = npt.NDArray[np.uint64]
+
+_ORDER_CELL_MM = 4.0
+"""Points in one column of this width are neighbours in the canonical order."""
+_ODD = np.uint64(0xD6E8FEB86659FD93)
+"""An odd multiplier with well-spread bits; with the shift it mixes the low bits upwards."""
 
 
 def voxel_groups(points: npt.ArrayLike, voxel_mm: float) -> IntArray:
@@ -64,3 +71,52 @@ def voxel_representatives(points: npt.ArrayLike, voxel_mm: float) -> IntArray:
     order = np.lexsort((distance, group))
     first = np.r_[True, np.diff(group[order]) > 0]
     return order[first].astype(np.int64, copy=False)
+
+
+def canonical_rows(points: npt.ArrayLike, at_most: int | None = None) -> IntArray:
+    """Rows of a cloud in an order, and of a choice, that depend on the set of points alone.
+
+    Sums in another order have other last bits, and a stride through another order takes other
+    points: what must not depend on the order of a file starts here.
+
+    Args:
+        points: Shape (N, 3), any frame.
+        at_most: So many points are chosen, evenly at random by a hash of their coordinates; equal
+            points are chosen together, so there may be more by them. None chooses all.
+
+    Returns:
+        Shape (M,): rows, neighbours in x and y near each other.
+
+    Raises:
+        ShapeError: `points` is not (N, 3) and finite.
+        ValueError: `at_most` is not positive.
+    """
+    cloud = as_points(points, "points", at_least=0)
+    if at_most is not None and not at_most > 0:
+        raise ValueError(f"at_most must be > 0, got {at_most}")
+    hashes = _hash_rows(cloud)
+    rows = np.arange(len(cloud))
+    if at_most is not None and len(cloud) > at_most:
+        rows = np.flatnonzero(hashes <= np.partition(hashes, at_most - 1)[at_most - 1])
+        cloud, hashes = cloud[rows], hashes[rows]
+    # 12 bits of x, 12 of y, 40 of the hash: one sort of integers, five times faster than of rows
+    cell = np.floor(cloud[:, :2] * (1.0 / _ORDER_CELL_MM)).astype(np.int64).view(np.uint64)
+    cell &= np.uint64(0xFFF)
+    keys = (cell[:, 0] << np.uint64(52)) | (cell[:, 1] << np.uint64(40))
+    keys |= hashes >> np.uint64(24)
+    order = np.argsort(keys, kind="stable")
+    ties = np.flatnonzero(keys[order[1:]] == keys[order[:-1]])
+    if len(ties) and np.any(cloud[order[ties]] != cloud[order[ties + 1]]):
+        order = np.lexsort((*cloud.T, keys))  # different points with the same key: about never
+    return rows[order]
+
+
+def _hash_rows(cloud: FloatArray) -> UInt64Array:
+    """64 well-mixed bits per row, (N,), of the coordinates' own bits."""
+    bits = (cloud + 0.0).view(np.uint64)  # + 0.0: minus zero is zero
+    hashes = np.zeros(len(cloud), dtype=np.uint64)
+    for column in bits.T:
+        hashes += column
+        hashes *= _ODD
+        hashes ^= hashes >> np.uint64(32)
+    return hashes

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from boltpose.arrays import FloatArray, as_points
 from boltpose.errors import DegenerateGeometryError
-from boltpose.geometry.sampling import voxel_downsample
+from boltpose.geometry.sampling import canonical_rows, voxel_downsample
 from boltpose.geometry.transforms import Transform, rotation_angle_rad
 from boltpose.registration.batch import PoseBatch, score_batch, step_batch
 from boltpose.registration.coarse import register_coarsely
@@ -66,7 +66,8 @@ def register(
     """
     config = config or RegistrationConfig()
     points = as_points(motor_points_camera, "motor_points_camera", at_least=0)
-    points = points[:: max(1, -(-len(points) // config.max_points))]
+    if len(points) > config.max_points:
+        points = points[canonical_rows(points, config.max_points)]
     thinned = voxel_downsample(points, 2.0) if len(points) else points
     if len(thinned) < config.min_points:
         return RegistrationResult(

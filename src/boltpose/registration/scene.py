@@ -10,6 +10,7 @@ import numpy.typing as npt
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from boltpose.arrays import BoolArray, FloatArray, IntArray, as_points, freeze
+from boltpose.geometry.sampling import canonical_rows
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import SceneConfig
 from boltpose.registration.prepare import PreparedPrior
@@ -32,7 +33,7 @@ class Standing(IntEnum):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Scene:
-    """A whole scan, thinned, with the nearest and farthest depth per direction."""
+    """A whole scan, thinned, with the nearest and farthest depth around every direction."""
 
     points: FloatArray
     """Shape (N, 3), mm, frame `camera`."""
@@ -40,10 +41,12 @@ class Scene:
     """Size of a cell in x / z and y / z."""
     origin_cell: IntArray
     """Shape (2,): cell number of the buffer's first row and column."""
+    is_measured: BoolArray
+    """Shape (U, V): whether anything was measured in the cell."""
     nearest_mm: FloatArray
-    """Shape (U, V): smallest z in the cell, infinite where nothing was measured."""
+    """Shape (U, V): smallest z in the cell and its eight neighbours, infinite without any."""
     farthest_mm: FloatArray
-    """Shape (U, V): largest z in the cell, minus infinity where nothing was measured."""
+    """Shape (U, V): largest z in the same cells, minus infinity without any."""
 
     def cells(self, points_camera: FloatArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return row, column and whether the buffer covers them, shape (N,) each."""
@@ -71,8 +74,10 @@ def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None)
     """
     config = config or SceneConfig()
     cloud = as_points(points_camera, "points_camera", at_least=0)
-    cloud = cloud[:: max(1, -(-len(cloud) // config.max_points))]
-    cloud = cloud[is_ahead(cloud)]
+    if len(cloud) > config.max_points:
+        cloud = cloud[canonical_rows(cloud, config.max_points)]
+    ahead = is_ahead(cloud)
+    cloud = cloud if ahead.all() else cloud[ahead]
     cell_rad = config.cell_mm / float(np.median(cloud[:, 2])) if len(cloud) else 1.0
     cell = np.floor(cloud[:, :2] / cloud[:, 2:] / cell_rad).astype(np.int64)
     if len(cell):
@@ -80,18 +85,19 @@ def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None)
         shape = cell.max(axis=0) - origin + 2
     else:
         origin, shape = np.zeros(2, dtype=np.int64), np.array([1, 1])
-    flat = (cell - origin) @ np.array([shape[1], 1])
+    flat = (cell[:, 0] - origin[0]) * shape[1] + (cell[:, 1] - origin[1])
     nearest = np.full(int(shape.prod()), np.inf)
     farthest = np.full(int(shape.prod()), -np.inf)
-    order = np.argsort(cloud[:, 2], kind="stable")
-    farthest[flat[order]] = cloud[order, 2]
-    nearest[flat[order[::-1]]] = cloud[order[::-1], 2]
+    np.minimum.at(nearest, flat, cloud[:, 2])
+    np.maximum.at(farthest, flat, cloud[:, 2])
+    nearest, farthest = nearest.reshape(shape), farthest.reshape(shape)
     return Scene(
         points=freeze(cloud),
         cell_rad=cell_rad,
         origin_cell=freeze(origin),
-        nearest_mm=freeze(nearest.reshape(shape)),
-        farthest_mm=freeze(farthest.reshape(shape)),
+        is_measured=freeze(np.isfinite(nearest)),
+        nearest_mm=freeze(minimum_filter(nearest, size=3, mode="constant", cval=np.inf)),
+        farthest_mm=freeze(maximum_filter(farthest, size=3, mode="constant", cval=-np.inf)),
     )
 
 
@@ -133,9 +139,9 @@ def judge_surface(
     is_front = depth <= _own_front(points, scene.cell_rad) + allowance
     is_front &= cosine > min_facing
     row, column, inside = scene.cells(points)
-    near = minimum_filter(scene.nearest_mm, size=3, mode="constant", cval=np.inf)[row, column]
-    far = maximum_filter(scene.farthest_mm, size=3, mode="constant", cval=-np.inf)[row, column]
-    judged = is_front & inside & np.isfinite(scene.nearest_mm[row, column])
+    near = scene.nearest_mm[row, column]
+    far = scene.farthest_mm[row, column]
+    judged = is_front & inside & scene.is_measured[row, column]
     verdict = np.full(len(points), int(Standing.NOT_FACING), dtype=np.int64)
     verdict[is_front] = Standing.UNMEASURED
     verdict[judged] = Standing.CONFIRMED
@@ -150,19 +156,21 @@ def is_ahead(points_camera: FloatArray) -> BoolArray:
 
     Farther to the side z is no depth any more, and one stray point would blow up a buffer.
     """
-    depth = points_camera[:, 2]
-    return (depth > 0) & (np.abs(points_camera[:, :2]).max(axis=1, initial=0.0) < 3 * depth)
+    x, y, depth = points_camera.T
+    reach = 3.0 * depth
+    return (depth > 0) & (np.abs(x) < reach) & (np.abs(y) < reach)
 
 
 def _own_front(points: FloatArray, cell_rad: float) -> FloatArray:
     """Smallest depth, shape (N,), of the points themselves around each point's cell."""
     cell = np.floor(points[:, :2] / points[:, 2:] / cell_rad).astype(np.int64)
     cell -= cell.min(axis=0)
-    front = np.full(tuple(cell.max(axis=0) + 1), np.inf)
-    order = np.argsort(-points[:, 2], kind="stable")
-    front[cell[order, 0], cell[order, 1]] = points[order, 2]  # the last write, the nearest, stays
-    front = minimum_filter(front, size=3, mode="constant", cval=np.inf)
-    return front[cell[:, 0], cell[:, 1]]
+    rows, columns = cell.max(axis=0) + 1
+    flat = cell[:, 0] * columns + cell[:, 1]
+    front = np.full(int(rows * columns), np.inf)
+    np.minimum.at(front, flat, points[:, 2])
+    front = minimum_filter(front.reshape(rows, columns), size=3, mode="constant", cval=np.inf)
+    return np.asarray(front.reshape(-1)[flat])
 
 
 def free_space_violation(standing: IntArray) -> float:

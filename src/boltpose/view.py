@@ -1,0 +1,135 @@
+"""One view's way from points to a judged pose and its bolts: the steps that all callers share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from boltpose.arrays import BoolArray, FloatArray
+from boltpose.errors import DegenerateGeometryError
+from boltpose.geometry.sampling import canonical_rows
+from boltpose.geometry.transforms import Transform
+from boltpose.locate_config import LocateConfig
+from boltpose.placement import place_bolt
+from boltpose.registration.icp import refine_pose
+from boltpose.registration.prepare import PreparedPrior
+from boltpose.registration.register import RegistrationResult, register
+from boltpose.registration.relabel import relabel
+from boltpose.registration.scene import Scene, build_scene
+from boltpose.registration.visibility import see_bolts
+from boltpose.schema import LocatedBolt, Registration, Scan
+from boltpose.segmentation.predictor import ScenePredictor
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class View:
+    """A scan as registration and verdict see it; the same for every order of its points."""
+
+    scan: Scan
+    points: FloatArray
+    """Shape (N, 3), mm, frame `camera`: chosen from the scan, in canonical order."""
+    is_motor: BoolArray
+    """Shape (N,): what the network takes for the motor."""
+    scene: Scene
+
+    @property
+    def motor_points(self) -> FloatArray:
+        """Shape (M, 3): the points taken for the motor."""
+        return self.points[self.is_motor]
+
+
+def see(scan: Scan, predictor: ScenePredictor, config: LocateConfig) -> View:
+    """Choose points of a scan and tell the motor from its surroundings.
+
+    Args:
+        scan: One view, mm, frame `camera`.
+        predictor: Scene segmentation.
+        config: Settings.
+
+    Returns:
+        The view. Where there are too few points to register, none is taken for the motor.
+    """
+    points = scan.points[canonical_rows(scan.points, config.max_points)]
+    if len(points) < config.registration.min_points:
+        is_motor = np.zeros(len(points), dtype=np.bool_)
+    else:
+        is_motor = np.asarray(predictor.predict(points) >= config.min_motor_probability)
+    return View(scan=scan, points=points, is_motor=is_motor, scene=build_scene(points))
+
+
+def register_view(view: View, prepared: PreparedPrior, config: LocateConfig) -> RegistrationResult:
+    """Find candidate poses of a prior in a view, best first."""
+    return register(prepared, view.motor_points, config.registration, scene=view.scene)
+
+
+def register_again(
+    best: Registration, view: View, prepared: PreparedPrior, config: LocateConfig
+) -> Registration:
+    """Refine a pose on the points that the pose itself says belong to the motor."""
+    if config.relabel_mm == 0 or config.registration.method != "multi_start":
+        return best
+    pose = best.camera_from_prior
+    is_motor = relabel(prepared, pose, view.points, threshold_mm=config.relabel_mm)
+    try:
+        fine = refine_pose(pose, view.points[is_motor], prepared, config.registration.fine)
+    except DegenerateGeometryError:
+        return best  # too few points near the prior: the verdict will say so
+    return replace(
+        best,
+        camera_from_prior=fine.camera_from_prior,
+        converged=fine.converged,
+        rms_mm=fine.rms_mm,
+        inlier_ratio=fine.inlier_ratio,
+        covariance=fine.covariance,
+        centre_mm=fine.centre_mm,
+    )
+
+
+def points_around(
+    scan: Scan, camera_from_prior: Transform, prepared: PreparedPrior, config: LocateConfig
+) -> FloatArray:
+    """Scan points in the box around the posed motor, (N, 3), mm, frame `camera`.
+
+    Most of a scan is clamp and table: it is sorted out before anything is computed on it.
+    """
+    middle = camera_from_prior.apply(prepared.centre_mm)
+    reach = prepared.radius_mm + 1.0
+    near = np.ones(len(scan), dtype=np.bool_)
+    for column, centre in zip(scan.points.T, middle, strict=True):
+        near &= np.abs(column - centre) < reach
+    points = scan.points[near]
+    return points[canonical_rows(points, config.max_near_points)]
+
+
+def place_bolts(
+    registration: Registration,
+    view: View,
+    prepared: PreparedPrior,
+    base_from_camera: Transform | None,
+    config: LocateConfig,
+) -> tuple[LocatedBolt, ...]:
+    """Carry all bolts of a prior into the result's frame and tell which the camera saw.
+
+    Args:
+        registration: A verified pose.
+        view: What the camera saw.
+        prepared: The prior.
+        base_from_camera: Hand-eye; None leaves the bolts in frame `camera`.
+        config: Settings.
+    """
+    pose = registration.camera_from_prior
+    around = points_around(view.scan, pose, prepared, config)
+    sights = see_bolts(prepared, pose, around, config.visibility)
+    return tuple(
+        place_bolt(
+            bolt,
+            registration,
+            base_from_camera,
+            visible_fraction=sight.visible_fraction,
+            visibility=sight.visibility,
+            alignment_sigma_rad=prepared.prior.alignment.axis_sigma_rad,
+            config=config.placement,
+        )
+        for bolt, sight in zip(prepared.prior.bolts, sights, strict=True)
+    )
