@@ -15,7 +15,7 @@ from boltpose.placement import place_bolt
 from boltpose.registration.icp import refine_pose
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.register import RegistrationResult, register
-from boltpose.registration.relabel import relabel
+from boltpose.registration.relabel import near_prior
 from boltpose.registration.scene import Scene, build_scene
 from boltpose.registration.visibility import see_bolts
 from boltpose.schema import LocatedBolt, Registration, Scan
@@ -66,13 +66,17 @@ def register_view(view: View, prepared: PreparedPrior, config: LocateConfig) -> 
 def register_again(
     best: Registration, view: View, prepared: PreparedPrior, config: LocateConfig
 ) -> Registration:
-    """Refine a pose on the points that the pose itself says belong to the motor."""
+    """Refine a pose on the points that the pose itself says belong to the motor.
+
+    The last resolution of the fine stage does both: it pairs no point that is not on the prior.
+    """
     if config.relabel_mm == 0 or config.registration.method != "multi_start":
         return best
-    pose = best.camera_from_prior
-    is_motor = relabel(prepared, pose, view.points, threshold_mm=config.relabel_mm)
+    near = near_prior(prepared, best.camera_from_prior, view.points, threshold_mm=config.relabel_mm)
+    fine_config = config.registration.fine
+    fine_config = replace(fine_config, steps=fine_config.steps[-1:])
     try:
-        fine = refine_pose(pose, view.points[is_motor], prepared, config.registration.fine)
+        fine = refine_pose(best.camera_from_prior, view.points[near], prepared, fine_config)
     except DegenerateGeometryError:
         return best  # too few points near the prior: the verdict will say so
     return replace(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -133,8 +134,17 @@ def _two_rounds(
     config: CoarseConfig,
     pool: ThreadPoolExecutor,
 ) -> tuple[PoseBatch, FloatArray]:
+    distances = np.geomspace(*config.first_distance_mm, config.first_steps)
+    early, late = distances[: config.scout_steps], distances[config.scout_steps :]
+
+    def run_scouts(part: PoseBatch) -> tuple[PoseBatch, FloatArray]:
+        scouts = first[: config.scout_points]
+        for distance in early:
+            part = step_batch(part, scouts, prepared, float(distance))
+        return part, score_batch(part, scouts, prepared, float(early[-1]))
+
     def run_first(part: PoseBatch) -> tuple[PoseBatch, FloatArray]:
-        for distance in np.geomspace(*config.first_distance_mm, config.first_steps):
+        for distance in late:
             part = step_batch(part, first, prepared, float(distance))
         return part, score_batch(part, first, prepared, _FIRST_TOLERANCE_MM)
 
@@ -143,18 +153,25 @@ def _two_rounds(
             part = step_batch(part, second, prepared, float(distance))
         return part, score_batch(part, second, prepared, _SECOND_TOLERANCE_MM)
 
-    chunks = [starts[slice(i, i + _CHUNK)] for i in range(0, len(starts), _CHUNK)]
-    done = list(pool.map(run_first, chunks))
-    poses = join_batches([part for part, _ in done])
-    scores = np.concatenate([score for _, score in done])
+    poses, scores = _run_chunks(run_scouts, starts, _CHUNK, pool)
+    best = np.argsort(-scores, kind="stable")[: int(config.scout_share * len(starts))]
+    poses, scores = _run_chunks(run_first, poses[best], _CHUNK // 2, pool)
     best = np.argsort(-scores, kind="stable")[: config.kept]
-    size = max(1, -(-len(best) // 4))
-    chunks = [poses[best[i : i + size]] for i in range(0, len(best), size)]
-    done = list(pool.map(run_second, chunks))
-    poses = join_batches([part for part, _ in done])
-    scores = np.concatenate([score for _, score in done])
+    poses, scores = _run_chunks(run_second, poses[best], _CHUNK // 16, pool)
     order = np.argsort(-scores, kind="stable")
     return poses[order], scores[order]
+
+
+def _run_chunks(
+    run: Callable[[PoseBatch], tuple[PoseBatch, FloatArray]],
+    poses: PoseBatch,
+    size: int,
+    pool: ThreadPoolExecutor,
+) -> tuple[PoseBatch, FloatArray]:
+    """Work on parts of a batch at once; their size, and so the bits, is not the thread count's."""
+    chunks = [poses[slice(i, i + size)] for i in range(0, len(poses), size)]
+    done = list(pool.map(run, chunks))
+    return join_batches([part for part, _ in done]), np.concatenate([s for _, s in done])
 
 
 def _frame_with_z(z_axis: FloatArray) -> FloatArray:

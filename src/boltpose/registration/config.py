@@ -49,6 +49,11 @@ class CoarseConfig:
 
     rolls: int = 15
     """Turns about each viewing direction, evenly spread."""
+    scout_points: int = 50
+    scout_steps: int = 2
+    """So many of the first steps are taken on a few points only ..."""
+    scout_share: float = 0.4
+    """... and this share of the start poses, the best by then, goes on."""
     first_points: int = 100
     first_steps: int = 6
     first_distance_mm: tuple[float, float] = (30.0, 12.0)
@@ -78,6 +83,9 @@ class CoarseConfig:
             self,
             (
                 "rolls",
+                "scout_points",
+                "scout_steps",
+                "scout_share",
                 "first_points",
                 "first_steps",
                 "kept",
@@ -90,7 +98,12 @@ class CoarseConfig:
                 "threads",
             ),
         )
-        _require_shares(self, ("convincing_score",))
+        _require_shares(self, ("scout_share", "convincing_score"))
+        if self.scout_steps > self.first_steps:
+            raise ConfigError(
+                f"scout_steps must not exceed first_steps, "
+                f"got {self.scout_steps} > {self.first_steps}"
+            )
         for name in ("first_distance_mm", "second_distance_mm"):
             start, end = getattr(self, name)
             if not 0 < end <= start:
@@ -120,7 +133,7 @@ class FineConfig:
 
     steps: tuple[FineStep, ...] = (
         FineStep(voxel_mm=2.0, max_distance_mm=3.0, kernel_mm=0.5),
-        FineStep(voxel_mm=1.0, max_distance_mm=1.0, kernel_mm=0.3),
+        FineStep(voxel_mm=1.5, max_distance_mm=1.0, kernel_mm=0.3),
     )
     converged_shift_mm: float = 0.005
     """A step that moves no point of the motor by more than this ends a resolution: a twentieth

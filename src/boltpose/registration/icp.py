@@ -73,6 +73,8 @@ def refine_pose(
     start = camera_from_prior.inverse()
     rotation, translation = start.rotation.copy(), start.translation_mm.copy()
     centre = prepared.centre_mm
+    step = config.steps[-1]
+    cloud, pairs = points_camera, None
     converged = False
     total = 0
     for step in config.steps:
@@ -97,8 +99,9 @@ def refine_pose(
             if shift > _REPAIR_SHIFT_MM and 3 * iteration < 2 * step.iterations:
                 pairs = None
     refined = Transform.from_parts("prior", "camera", rotation, translation).inverse()
-    return assess_pose(
-        refined, points_camera, prepared, config, converged=converged, iterations=total
+    # the pairs of a last step that hardly moved anything still hold
+    return _assess(
+        refined, cloud, pairs, prepared, config, step, converged=converged, iterations=total
     )
 
 
@@ -129,9 +132,33 @@ def assess_pose(
     """
     step = config.steps[-1]
     cloud = voxel_downsample(points_camera, step.voxel_mm)
+    return _assess(
+        camera_from_prior,
+        cloud,
+        None,
+        prepared,
+        config,
+        step,
+        converged=converged,
+        iterations=iterations,
+    )
+
+
+def _assess(
+    camera_from_prior: Transform,
+    cloud: FloatArray,
+    pairs: _Pairs | None,
+    prepared: PreparedPrior,
+    config: FineConfig,
+    step: FineStep,
+    *,
+    converged: bool,
+    iterations: int,
+) -> FineResult:
     inverse = camera_from_prior.inverse()
     moved = inverse.apply(cloud)
-    pairs = _find_pairs(moved, cloud, inverse.rotation, prepared, step.max_distance_mm)
+    if pairs is None:
+        pairs = _find_pairs(moved, cloud, inverse.rotation, prepared, step.max_distance_mm)
     centre = prepared.centre_mm
     jacobian, residuals, weights = _linearise(moved, pairs, centre, prepared, step)
     if not weights.any():

@@ -124,8 +124,6 @@ def rank_pose(
     prepared: PreparedPrior,
     config: RegistrationConfig,
     scene: Scene | None,
-    *,
-    tolerance_mm: float | None = None,
 ) -> float:
     """Score of a pose, at most 1: agreement of a sample of motor points less free-space violation.
 
@@ -135,24 +133,28 @@ def rank_pose(
         prepared: The prior.
         config: Settings.
         scene: The whole scan; without it only the agreement counts.
-        tolerance_mm: Plane residual at which a point's agreement reaches 0; by default
-            `config.score_tolerance_mm`, that of `Registration.score`.
 
     Returns:
         The score, larger is better.
     """
     inverse = camera_from_prior.inverse()
     pose = PoseBatch(inverse.rotation[None], inverse.translation_mm[None])
-    agreement = score_batch(
-        pose,
-        sample_camera.astype(np.float32),
-        prepared,
-        tolerance_mm or config.score_tolerance_mm,
-    )
+    sample = sample_camera.astype(np.float32)
+    agreement = score_batch(pose, sample, prepared, config.score_tolerance_mm)
+    return float(agreement[0]) - _violation_cost(camera_from_prior, prepared, config, scene)
+
+
+def _violation_cost(
+    camera_from_prior: Transform,
+    prepared: PreparedPrior,
+    config: RegistrationConfig,
+    scene: Scene | None,
+) -> float:
+    """What a pose loses of its score because the camera saw through it."""
     if scene is None:
-        return float(agreement[0])
+        return 0.0
     standing = judge_surface(scene, camera_from_prior, prepared, tolerance_mm=3.0)
-    return float(agreement[0]) - config.violation_weight * free_space_violation(standing)
+    return config.violation_weight * free_space_violation(standing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,24 +175,21 @@ def _refine_candidates(
     sample32 = sample.astype(np.float32)
     for distance in np.geomspace(3.0, 1.5, config.ranking_steps):
         poses = step_batch(poses, sample32, prepared, float(distance))
-
-    def score(pose: Transform, tolerance_mm: float) -> float:
-        return rank_pose(pose, sample, prepared, config, scene, tolerance_mm=tolerance_mm)
-
-    ranked = [
-        _Candidate(pose, score(pose, config.ranking_tolerance_mm), None)
-        for pose in poses.transforms()
-    ]
-    ranked.sort(key=lambda candidate: -candidate.score)
-    worth = [c for c in ranked if c.score >= ranked[0].score - config.refined_margin]
-    refined = [
-        _refine(candidate, prepared, points, config)
-        for candidate in worth[: config.refined_candidates]
-    ]
-    everything = [
-        replace(candidate, score=score(candidate.pose, config.score_tolerance_mm))
-        for candidate in refined + ranked[len(refined) :]
-    ]
+    transforms = poses.transforms()
+    costs = [_violation_cost(pose, prepared, config, scene) for pose in transforms]
+    coarse_scores = score_batch(poses, sample32, prepared, config.ranking_tolerance_mm) - costs
+    final_scores = score_batch(poses, sample32, prepared, config.score_tolerance_mm) - costs
+    order = np.argsort(-coarse_scores, kind="stable")
+    ranked = [_Candidate(transforms[row], float(final_scores[row]), None) for row in order]
+    worth = int(np.sum(coarse_scores >= coarse_scores[order[0]] - config.refined_margin))
+    worth = min(worth, config.refined_candidates)
+    everything = ranked[worth:]
+    for candidate in ranked[:worth]:
+        refined = _refine(candidate, prepared, points, config)
+        if refined.fine is not None:
+            score = rank_pose(refined.pose, sample, prepared, config, scene)
+            refined = replace(refined, score=score)
+        everything.append(refined)
     everything.sort(key=lambda candidate: (candidate.fine is None, -candidate.score))
     distinct: list[_Candidate] = []
     for candidate in everything:
