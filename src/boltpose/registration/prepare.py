@@ -96,8 +96,7 @@ def _visible_centroids(
         v -= v.min()
         cell = u * (int(v.max()) + 1) + v
         front = np.full(int(cell.max()) + 1, -np.inf)
-        order = np.argsort(height, kind="stable")
-        front[cell[order]] = height[order]  # the last write, the greatest height, stays
+        np.maximum.at(front, cell, height)
         visible = height > front[cell] - 2.0 * cell_mm
         centroids[row] = candidates[visible].mean(axis=0)
     return centroids
