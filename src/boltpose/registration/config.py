@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Literal
 
 from boltpose.errors import ConfigError
+from boltpose.registration.probability_config import ProbabilityConfig
 
 Method = Literal["multi_start", "paper", "paper_point_to_point"]
 
@@ -305,8 +306,19 @@ class EvidenceConfig:
     coverage_mm: float = 1.5
     """A point of the prior is covered if the scan has one this near, or twice the scan's own
     spacing where that is more."""
-    sample_points: int = 20_000
-    """Motor points looked at, by stride."""
+    sunk_mm: float = 0.6
+    """A scan point deeper inside the posed motor than this cannot have been measured there: five
+    times the error of a reman18 pixel, and more than grease or rust can take away."""
+    sunk_reach_mm: float = 3.0
+    """Scan points farther from the surface are not looked at for that: beyond a thin wall it is
+    unclear what is inside."""
+    region_mm: float = 25.0
+    """Edge of the cubes that are judged apart: about the size of a bolt with its boss, so that a
+    lost bolt spoils one or two, and a wrong pose most of them."""
+    min_region_points: int = 40
+    """Fewer sampled points in a cube say nothing."""
+    sample_points: int = 10_000
+    """Points looked at, by stride: shares are then known to about 0.001."""
 
     def __post_init__(self) -> None:
         _require_positive(self, tuple(f.name for f in fields(self)))
@@ -351,7 +363,10 @@ class VerifyConfig:
     max_bolt_sigma_mm: float = 0.5
     """Right: at most 0.126, nearly all of it the camera's depth bias. Above it a bolt may stand
     1 mm beside its place without any residual."""
+    min_p_correct: float = 0.5
+    """Of all numbers together."""
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
+    probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
 
     def __post_init__(self) -> None:
         _require_positive(self, ("min_motor_points", "min_judged_points", "max_bolt_sigma_mm"))
@@ -364,5 +379,6 @@ class VerifyConfig:
                 "min_coverage",
                 "min_measured",
                 "min_margin",
+                "min_p_correct",
             ),
         )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from boltpose.arrays import BoolArray, FloatArray
 from boltpose.geometry.sampling import voxel_downsample
+from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import EvidenceConfig
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.scene import (
@@ -19,6 +20,13 @@ from boltpose.registration.scene import (
     measured_share,
 )
 from boltpose.schema import Registration
+
+_LEVER_MM = 50.0
+"""Turns count as millimetres at this distance, about half a starter motor."""
+_ROUGH_REACH_MM = 5.0
+"""Scan points this near to the coarse surface, by the grid's approximate answer, are looked at."""
+_CELLS_PER_REACH = 2
+"""Cells per coverage distance: what counts as near is right to a quarter of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,10 +41,20 @@ class Evidence:
     """Share of the motor points on the posed prior's camera-facing surface."""
     tight: float
     """Share of the motor points near the prior that lie on it within the measuring error."""
+    weakest_tight: float
+    """The same share, each point counted by how much it would feel the motion that is felt least
+    well by all points together: of the six independent small motions the one with the lowest."""
+    worst_region: float
+    """The same share where it is lowest, over 25 mm cubes of the motor."""
+    sunk: float
+    """Share of all scan points within 3 mm of the surface that lie clearly inside the motor, where
+    nothing can be measured."""
     coverage: float
     """Share of the surface in free view on which scan points lie."""
     judged_points: int
     """Coarse prior points in free view with a measurement."""
+    grip_mm2: float
+    """Confirmed surface that feels the least well felt small motion."""
     measured: float
     """Share of the surface in free view in whose direction anything was measured."""
     margin: float
@@ -44,6 +62,9 @@ class Evidence:
     bolt_sigma_mm: float
     """Largest 1 sigma of any bolt's position in any direction, from the pose alone."""
     converged: bool
+
+
+EVIDENCE_NAMES = tuple(field.name for field in fields(Evidence))
 
 
 def gather_evidence(
@@ -67,15 +88,20 @@ def gather_evidence(
     """
     pose = registration.camera_from_prior
     standing = judge_surface(scene, pose, prepared, tolerance_mm=config.free_space_mm)
-    explained, tight = _fit_of_points(registration, prepared, motor_points, config)
+    fit = _fit_of_points(pose, prepared, motor_points, config)
+    near = _near_surface(pose, prepared, scene)
     judged = (standing == Standing.CONFIRMED) | (standing == Standing.VIOLATING)
     return Evidence(
         motor_points=len(voxel_downsample(motor_points, 2.0)) if len(motor_points) else 0,
         free_space_violation=free_space_violation(standing),
-        explained=explained,
-        tight=tight,
-        coverage=_coverage(registration, prepared, scene, judged, config),
+        explained=fit.explained,
+        tight=fit.tight,
+        weakest_tight=fit.weakest_tight,
+        worst_region=fit.worst_region,
+        sunk=_sunk_share(near, pose, prepared, config),
+        coverage=_coverage(near, prepared.coarse_points[judged].astype(np.float64), config),
         judged_points=int(judged.sum()),
+        grip_mm2=_grip_mm2(prepared, standing == Standing.CONFIRMED),
         measured=measured_share(standing),
         margin=registration.score - registration.runner_up_score,
         bolt_sigma_mm=bolt_sigma_mm(registration, prepared),
@@ -97,53 +123,131 @@ def bolt_sigma_mm(registration: Registration, prepared: PreparedPrior) -> float:
     return float(np.sqrt(largest))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fit:
+    explained: float = 0.0
+    tight: float = 0.0
+    weakest_tight: float = 0.0
+    worst_region: float = 0.0
+
+
 def _fit_of_points(
-    registration: Registration,
-    prepared: PreparedPrior,
-    motor_points: FloatArray,
-    config: EvidenceConfig,
-) -> tuple[float, float]:
+    pose: Transform, prepared: PreparedPrior, motor_points: FloatArray, config: EvidenceConfig
+) -> _Fit:
     if not len(motor_points):
-        return 0.0, 0.0
+        return _Fit()
     sample = motor_points[:: max(1, len(motor_points) // config.sample_points)]
-    points = registration.camera_from_prior.inverse().apply(sample)
-    camera = registration.camera_from_prior.inverse().translation_mm
+    prior_from_camera = pose.inverse()
+    points = prior_from_camera.apply(sample)
     distance, partner = prepared.tree.query(
         points, distance_upper_bound=config.explained_mm, workers=-1
     )
     near = np.isfinite(distance)
     partner = partner[near]
-    normals = prepared.normals[partner]
-    facing = np.einsum("ni,ni->n", camera - points[near], normals) > 0
-    residual = np.einsum("ni,ni->n", prepared.points[partner] - points[near], normals)
-    judged = facing & prepared.is_rigid[partner]
-    tight = np.abs(residual[judged]) < config.tight_mm
-    return float(facing.sum() / len(points)), float(tight.sum() / max(len(tight), 1))
-
-
-def _coverage(
-    registration: Registration,
-    prepared: PreparedPrior,
-    scene: Scene,
-    judged: BoolArray,
-    config: EvidenceConfig,
-) -> float:
-    surface = prepared.coarse_points[judged].astype(np.float64)
-    if not len(surface):
-        return 0.0
-    inverse = registration.camera_from_prior.inverse()
-    points = inverse.apply(scene.points)
-    near = np.linalg.norm(points - prepared.centre_mm, axis=1) < prepared.radius_mm + 3.0
     points = points[near]
-    offset = points - prepared.coarse_points[prepared.grid.nearest(points)]
-    points = points[np.einsum("ni,ni->n", offset, offset) < 25.0]
-    if not len(points):
+    normals = prepared.normals[partner]
+    facing = np.einsum("ni,ni->n", prior_from_camera.translation_mm - points, normals) > 0
+    judged = facing & prepared.is_rigid[partner]
+    if not judged.any():
+        return _Fit(explained=float(facing.sum() / len(sample)))
+    residual = np.einsum("ni,ni->n", prepared.points[partner] - points, normals)
+    is_tight = (np.abs(residual) < config.tight_mm)[judged]
+    sensitivity = _jacobian(points[judged], normals[judged], prepared.centre_mm)
+    directions = np.linalg.eigh(sensitivity.T @ sensitivity)[1]
+    felt = np.square(sensitivity @ directions)
+    return _Fit(
+        explained=float(facing.sum() / len(sample)),
+        tight=float(is_tight.mean()),
+        weakest_tight=float((is_tight @ felt / np.maximum(felt.sum(axis=0), 1e-12)).min()),
+        worst_region=_worst_region(points[judged], is_tight, config),
+    )
+
+
+def _jacobian(points: FloatArray, normals: FloatArray, centre: FloatArray) -> FloatArray:
+    """How far, (N, 6), every point's plane residual moves under six small motions of 1 mm."""
+    return np.hstack([np.cross((points - centre) / _LEVER_MM, normals), normals])
+
+
+def _worst_region(points: FloatArray, is_tight: BoolArray, config: EvidenceConfig) -> float:
+    cells = np.floor(points / config.region_mm).astype(np.int64)
+    cells -= cells.min(axis=0)
+    size = cells.max(axis=0) + 1
+    flat = (cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2]
+    count = np.bincount(flat)
+    share = np.bincount(flat, weights=is_tight) / np.maximum(count, 1)
+    big = count >= config.min_region_points
+    return float(share[big].min()) if big.any() else float(is_tight.mean())
+
+
+def _grip_mm2(prepared: PreparedPrior, confirmed: BoolArray) -> float:
+    if not confirmed.any():
         return 0.0
-    tree = KDTree(points)
+    points = prepared.coarse_points[confirmed].astype(np.float64)
+    normals = prepared.coarse_normals[confirmed].astype(np.float64)
+    jacobian = _jacobian(points, normals, prepared.centre_mm)
+    smallest = float(np.linalg.eigvalsh(jacobian.T @ jacobian)[0])
+    return max(smallest, 0.0) * prepared.coarse_spacing_mm**2
+
+
+def _near_surface(pose: Transform, prepared: PreparedPrior, scene: Scene) -> FloatArray:
+    """Scan points roughly within 5 mm of the posed surface, shape (K, 3), frame `prior`."""
+    middle = pose.apply(prepared.centre_mm)
+    reach = prepared.radius_mm + 3.0
+    in_box = np.abs(scene.points[:, 0] - middle[0]) < reach
+    for axis in (1, 2):  # column by column: a third of the time of all three at once
+        in_box &= np.abs(scene.points[:, axis] - middle[axis]) < reach
+    points = pose.inverse().apply(scene.points[in_box])
+    offset = points - prepared.coarse_points[prepared.grid.nearest(points)]
+    return points[np.einsum("ni,ni->n", offset, offset) < _ROUGH_REACH_MM**2]
+
+
+def _sunk_share(
+    near: FloatArray, pose: Transform, prepared: PreparedPrior, config: EvidenceConfig
+) -> float:
+    if not len(near):
+        return 1.0
+    points = near[:: max(1, len(near) // config.sample_points)]
+    distance, partner = prepared.tree.query(
+        points, distance_upper_bound=config.sunk_reach_mm, workers=-1
+    )
+    found = np.isfinite(distance)
+    points, partner = points[found], partner[found]
+    normals = prepared.normals[partner]
+    camera = pose.inverse().translation_mm
+    facing = np.einsum("ni,ni->n", camera - points, normals) > 0
+    judged = facing & prepared.is_rigid[partner]
+    height = np.einsum("ni,ni->n", points - prepared.points[partner], normals)[judged]
+    return float((height < -config.sunk_mm).sum() / max(len(height), 1))
+
+
+def _coverage(near: FloatArray, surface: FloatArray, config: EvidenceConfig) -> float:
+    if not len(surface) or not len(near):
+        return 0.0
     reach = config.coverage_mm
-    if len(points) > 1:
+    if len(near) > 1:
         # a coarser scan cannot have a point as near everywhere
-        spacing, _ = tree.query(points[:: max(1, len(points) // 500)], k=2)
+        tree = KDTree(near, balanced_tree=False, compact_nodes=False)  # 500 queries: built fast
+        spacing, _ = tree.query(near[:: max(1, len(near) // 500)], k=2)
         reach = max(reach, 2.0 * float(np.median(spacing[:, 1])))
-    distance, _ = tree.query(surface, distance_upper_bound=reach, workers=-1)
-    return float(np.isfinite(distance).mean())
+    return float(_is_near_any(surface, near, reach).mean())
+
+
+def _is_near_any(surface: FloatArray, points: FloatArray, reach_mm: float) -> BoolArray:
+    """Whether each surface point has a scan point within about `reach_mm`, by occupied cells."""
+    cell = reach_mm / _CELLS_PER_REACH
+    low = surface.min(axis=0) - 2 * reach_mm
+    shape = np.ceil((surface.max(axis=0) + 2 * reach_mm - low) / cell).astype(np.int64)
+    rows = np.floor((points - low) / cell).astype(np.int64)
+    rows = rows[((rows >= 0) & (rows < shape)).all(axis=1)]
+    strides = np.array([shape[1] * shape[2], shape[2], 1])
+    occupied = np.zeros(int(shape.prod()), dtype=np.bool_)
+    occupied[rows @ strides] = True
+    centre = np.floor((surface - low) / cell).astype(np.int64) @ strides
+    steps = np.stack(
+        np.meshgrid(*[np.arange(-_CELLS_PER_REACH, _CELLS_PER_REACH + 1)] * 3, indexing="ij"), -1
+    ).reshape(-1, 3)
+    steps = steps[(steps**2).sum(axis=1) <= _CELLS_PER_REACH**2]
+    found = np.zeros(len(surface), dtype=np.bool_)
+    for step in steps @ strides:
+        found |= occupied[centre + step]
+    return found

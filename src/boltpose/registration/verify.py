@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from boltpose.arrays import as_points
 from boltpose.registration.config import VerifyConfig
-from boltpose.registration.evidence import Evidence, gather_evidence
+from boltpose.registration.evidence import EVIDENCE_NAMES, Evidence, gather_evidence
 from boltpose.registration.prepare import PreparedPrior
+from boltpose.registration.probability import probability_correct
 from boltpose.registration.scene import Scene
 from boltpose.schema import Check, Registration, Status, Verdict
 
@@ -43,7 +44,8 @@ def verify(
         config: Thresholds.
 
     Returns:
-        `ok` if every check is met, otherwise `refused` with one sentence per failed check.
+        `ok` if every check is met, otherwise `refused` with one sentence per failed check; either
+        way with the probability that the pose is right.
 
     Raises:
         ShapeError: `motor_points` is not (N, 3) and finite.
@@ -75,13 +77,27 @@ def refuse_without_pose(motor_points: int, config: VerifyConfig) -> Verdict:
                 False,
                 f"no pose was found for {motor_points} motor points",
             )
-        ]
+        ],
+        p_correct=0.0,
     )
 
 
 def decide(evidence: Evidence, config: VerifyConfig) -> Verdict:
-    """Hold the numbers of a pose against the thresholds."""
-    return _verdict(_rules(evidence, config))
+    """Hold the numbers of a pose against the thresholds, each alone and all together."""
+    p_correct = probability_correct(evidence, config.probability)
+    rules = _rules(evidence, config)
+    rules.append(
+        _Rule(
+            Check.UNLIKELY,
+            "p_correct",
+            p_correct,
+            config.min_p_correct,
+            p_correct >= config.min_p_correct,
+            f"probability that the pose is right, from all numbers together: {p_correct:.3g}, "
+            f"wanted at least {config.min_p_correct:.3g}",
+        )
+    )
+    return _verdict(rules, p_correct=p_correct, evidence=evidence)
 
 
 def _rules(evidence: Evidence, config: VerifyConfig) -> list[_Rule]:
@@ -154,12 +170,18 @@ def _rules(evidence: Evidence, config: VerifyConfig) -> list[_Rule]:
     ]
 
 
-def _verdict(rules: list[_Rule]) -> Verdict:
+def _verdict(rules: list[_Rule], *, p_correct: float, evidence: Evidence | None = None) -> Verdict:
     failed = [rule for rule in rules if not rule.is_met]
+    scores = {rule.name: rule.found for rule in rules}
+    if evidence is not None:
+        # numbers without a threshold of their own count in p_correct
+        every = {name: float(getattr(evidence, name)) for name in EVIDENCE_NAMES}
+        scores = {**every, **scores}
     return Verdict(
         status=Status.REFUSED if failed else Status.OK,
         failed=tuple(dict.fromkeys(rule.check for rule in failed)),
         reasons=tuple(rule.sentence for rule in failed),
-        scores={rule.name: rule.found for rule in rules if np.isfinite(rule.found)},
+        scores={name: found for name, found in scores.items() if np.isfinite(found)},
         thresholds={rule.name: rule.wanted for rule in rules},
+        p_correct=p_correct,
     )

@@ -1,0 +1,66 @@
+"""Probability that a pose is right, from all evidence together."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from boltpose.arrays import FloatArray
+from boltpose.registration.evidence import Evidence
+from boltpose.registration.probability_config import FEATURES, ProbabilityConfig
+
+_FLOORS = {
+    "tight": 0.002,
+    "weakest_tight": 0.005,
+    "worst_region": 0.02,
+    "sunk": 0.001,
+    "free_space": 0.0005,
+    "coverage": 0.02,
+}
+"""Shares of misfit below these are measuring error: they do not speak for a pose any louder."""
+
+
+def probability_correct(evidence: Evidence, config: ProbabilityConfig | None = None) -> float:
+    """Probability that every bolt is at most 2 mm and 2 degrees off.
+
+    Args:
+        evidence: What the scan says about the pose.
+        config: Weights.
+
+    Returns:
+        0 to `config.highest`.
+
+    Source:
+        Platt, "Probabilistic outputs for support vector machines", in Advances in Large Margin
+        Classifiers, 1999: a logistic of a score; here of several, with weights that cannot be
+        negative, and an upper bound.
+    """
+    config = config or ProbabilityConfig()
+    weights = np.array([getattr(config, name) for name in FEATURES])
+    score = config.bias + float(weights @ features(evidence))
+    if not math.isfinite(score):
+        return 0.0
+    return min(config.highest, 1.0 / (1.0 + math.exp(-min(max(score, -500.0), 500.0))))
+
+
+def features(evidence: Evidence) -> FloatArray:
+    """Transform the numbers so that a step of one is a factor, and more is better.
+
+    Returns:
+        Shape (9,), in the order of `FEATURES`: minus the logarithm of every share of misfit above
+        its floor, the logarithm of the rest.
+    """
+    misfit = {
+        "tight": 1.0 - evidence.tight,
+        "weakest_tight": 1.0 - evidence.weakest_tight,
+        "worst_region": 1.0 - evidence.worst_region,
+        "sunk": evidence.sunk,
+        "free_space": evidence.free_space_violation,
+        "coverage": 1.0 - evidence.coverage,
+    }
+    values = {name: -math.log(share + _FLOORS[name]) for name, share in misfit.items()}
+    values["grip"] = math.log(max(evidence.grip_mm2, 1.0))
+    values["margin"] = math.log(min(max(evidence.margin, 0.01), 0.3))
+    values["bolt_sigma"] = -math.log(max(evidence.bolt_sigma_mm, 0.1))
+    return np.array([values[name] for name in FEATURES])
