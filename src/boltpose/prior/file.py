@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from boltpose.errors import BoltposeError, InputFileError
+from boltpose.errors import BoltposeError, EmptyScanError, InputFileError
+from boltpose.geometry.point_pairs import PAIR_WORDS
 from boltpose.geometry.transforms import Transform
 from boltpose.io.atomic import write_atomic
+from boltpose.prior.sketch import SKETCH_VERSION, PriorSketch, sketch_prior
 from boltpose.schema import Alignment, Part, Prior, PriorBolt, Side
 
 FORMAT = "boltpose.prior/1"
@@ -23,12 +26,14 @@ _WANTED = "a prior written by `boltpose prior build`"
 def write_prior(path: str | Path, prior: Prior) -> None:
     """Write a prior; the file appears whole or not at all.
 
-    Points and normals are stored as float32 (rounding below 1e-5 mm on a motor).
+    Points and normals are stored as float32 (rounding below 1e-5 mm on a motor). The file also
+    holds the prior's sketch, by which `locate` finds one motor among many.
 
     Raises:
         InputFileError: The file cannot be written there.
     """
     header = json.dumps(prior_to_json(prior), sort_keys=True)
+    sketch = _sketch_arrays(prior)
 
     def write(stream: BinaryIO) -> None:
         np.savez_compressed(
@@ -37,6 +42,7 @@ def write_prior(path: str | Path, prior: Prior) -> None:
             points=prior.points.astype(np.float32),
             normals=prior.normals.astype(np.float32),
             labels=prior.labels,
+            **sketch,
         )
 
     write_atomic(Path(path), write)
@@ -48,29 +54,89 @@ def read_prior(path: str | Path) -> Prior:
     Raises:
         InputFileError: The file is missing, damaged, or no prior of a known version.
     """
+    header, arrays = _read_archive(path, tuple(_ARRAYS))
+    _check_arrays(path, arrays)
+    try:
+        return _prior_from_json(header, arrays)
+    except (KeyError, TypeError, ValueError, BoltposeError) as error:
+        raise InputFileError(path, f"a damaged header ({error!r})", _WANTED) from error
+
+
+def read_sketch(path: str | Path) -> PriorSketch:
+    """Read what tells a prior from others, without its points where the file allows it.
+
+    A file written before there were sketches, or by another version of them, is read whole and
+    its sketch made anew (0.3 s).
+
+    Raises:
+        InputFileError: The file is missing, damaged, or no prior of a known version.
+    """
+    header, arrays = _read_archive(path, ("sketch_version", "sketch_surface", "sketch_pairs"))
+    version, surface = arrays.get("sketch_version"), arrays.get("sketch_surface")
+    pairs = arrays.get("sketch_pairs")
+    if version is None or surface is None or pairs is None or int(version) != SKETCH_VERSION:
+        try:
+            return sketch_prior(read_prior(path))
+        except EmptyScanError as error:
+            raise InputFileError(path, str(error), _WANTED) from error
+    is_sound = (
+        surface.dtype == pairs.dtype == np.float32
+        and surface.ndim == 2
+        and surface.shape[1] == 6
+        and pairs.shape == (PAIR_WORDS,)
+        and bool(np.isfinite(surface).all() and np.isfinite(pairs).all())
+    )
+    if not is_sound:
+        raise InputFileError(path, "a damaged sketch", _WANTED)
+    try:
+        return PriorSketch(
+            name=str(header["name"]),
+            points=surface[:, :3],
+            normals=surface[:, 3:],
+            pairs=pairs,
+            prior_from_motor=Transform(
+                "prior", "motor", np.array(header["alignment"]["prior_from_motor"])
+            ),
+        )
+    except (KeyError, TypeError, ValueError, BoltposeError) as error:
+        raise InputFileError(path, f"a damaged header ({error!r})", _WANTED) from error
+
+
+def _sketch_arrays(prior: Prior) -> dict[str, np.ndarray[Any, Any]]:
+    try:
+        sketch = sketch_prior(prior)
+    except EmptyScanError:
+        return {}  # nothing to tell it by; it still is a file that can be read
+    return {
+        "sketch_version": np.array(SKETCH_VERSION),
+        "sketch_surface": np.hstack([sketch.points, sketch.normals]),
+        "sketch_pairs": sketch.pairs,
+    }
+
+
+def _read_archive(
+    path: str | Path, names: tuple[str, ...]
+) -> tuple[Mapping[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    """Header and those of the named arrays that are there; only they are unpacked."""
     try:
         # a name is opened by us: numpy would leave it open when the archive is damaged
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile) or "header" not in archive:
                 raise InputFileError(path, "no prior header", _WANTED)
             header = json.loads(str(archive["header"]))
-            arrays = {name: archive[name] for name in _ARRAYS if name in archive}
+            arrays = {name: archive[name] for name in names if name in archive}
     except InputFileError:
         raise
     except FileNotFoundError as error:
         raise InputFileError(path, "no such file", _WANTED) from error
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, EOFError, KeyError, zlib.error, zipfile.BadZipFile) as error:
         raise InputFileError(
             path, f"no readable archive ({type(error).__name__})", _WANTED
         ) from error
     found = header.get("format") if isinstance(header, dict) else None
     if found != FORMAT:
         raise InputFileError(path, f"format {found!r}", f"'{FORMAT}'")
-    _check_arrays(path, arrays)
-    try:
-        return _prior_from_json(header, arrays)
-    except (KeyError, TypeError, ValueError, BoltposeError) as error:
-        raise InputFileError(path, f"a damaged header ({error!r})", _WANTED) from error
+    return header, arrays
 
 
 def prior_to_json(prior: Prior) -> dict[str, Any]:
