@@ -73,6 +73,10 @@ def synth_scenes(
     views: Annotated[
         int, typer.Option("--views", metavar="V", help="Views per motor, each clamped anew.")
     ] = 2,
+    angles: Annotated[
+        int,
+        typer.Option("--angles", metavar="K", help="Shots of each clamping, from K places."),
+    ] = 1,
     seed: SeedOption = 0,
     workers: WorkersOption = 1,
     families: FamiliesOption = None,
@@ -102,6 +106,7 @@ def synth_scenes(
         seed=seed,
         families=choose_names(families, FAMILIES, "family"),
         views=views,
+        angles=angles,
         clamps=choose_names(clamps, CLAMPS, "clamp"),
         width_px=width,
         height_px=height,

@@ -29,6 +29,7 @@ def disturb(
     solids: Sequence[SolidPart],
     config: StructuredLightConfig,
     rng: np.random.Generator,
+    lasting_rng: np.random.Generator | None = None,
 ) -> FloatArray:
     """Turn exact depths into measured ones.
 
@@ -37,6 +38,8 @@ def disturb(
         solids: All solids of the scene, for their materials.
         config: The camera and its errors.
         rng: The source of randomness.
+        lasting_rng: Source of what lasts from shot to shot: the finish of the solids, and ripple,
+            lumps and warp of the camera. `rng` if left out.
 
     Returns:
         Shape (H, W), float64, mm along the optical axis; 0 where nothing is measured.
@@ -44,6 +47,8 @@ def disturb(
     shape = (config.camera.height, config.camera.width)
     # streams of their own: a parameter of one effect leaves the draws of the others alone
     paint_rng, loss_rng, noise_rng, smooth_rng, edge_rng = rng.spawn(5)
+    if lasting_rng is not None:
+        paint_rng, _, _, smooth_rng, _ = lasting_rng.spawn(5)
     surface = paint_surface(solids, exposure.points, exposure.solid_index, config.finish, paint_rng)
     falloff = (np.float32(config.working_distance_mm) / exposure.lamp_distance_mm) ** 2
     matt, highlight = returned_light(

@@ -64,6 +64,8 @@ def capture_view(
     frame_from_camera: Transform,
     config: StructuredLightConfig,
     rng: np.random.Generator,
+    *,
+    lasting_rng: np.random.Generator | None = None,
 ) -> CapturedView:
     """Look at solids once.
 
@@ -73,6 +75,9 @@ def capture_view(
         frame_from_camera: Pose of the camera in the frame of the solids.
         config: The camera and its errors.
         rng: Draws the errors; not used by an ideal camera.
+        lasting_rng: Draws what two shots of one camera at one scene share: the solids' finish and
+            the camera's ripple, lumps and warp. A generator in the state in which `rng` was for
+            the first shot repeats that shot's; left out, everything is drawn from `rng`.
 
     Returns:
         The capture. A pixel exists only if camera and projector both see the point and enough,
@@ -89,7 +94,7 @@ def capture_view(
         depth_mm[exposure.pixels] = exposure.depth_mm
         depth_mm = depth_mm.reshape(camera.height, camera.width)
     else:
-        depth_mm = disturb(exposure, caster.solids, config, rng)
+        depth_mm = disturb(exposure, caster.solids, config, rng, lasting_rng)
     measured = depth_mm.reshape(-1)[exposure.pixels] > 0
     kept, solid = exposure.pixels[measured], exposure.solid_index[measured]
     labels = np.full(depth_mm.size, int(Part.BACKGROUND), dtype=np.uint8)

@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 from boltpose.io.atomic import write_atomic
-from boltpose.synthesis.card_texts import FORMAT_TEXT, LIMITS_TEXT, SCENES_FORMAT_TEXT
+from boltpose.synthesis.card_texts import ANGLES_TEXT, FORMAT_TEXT, LIMITS_TEXT, SCENES_FORMAT_TEXT
 from boltpose.synthesis.compare import compare_table, count_table
 from boltpose.synthesis.folder import read_settings, read_version
 from boltpose.synthesis.preview import FOLDER, MOTORS_NAME, VIEWS_NAME
@@ -53,7 +53,11 @@ def render_card(data: DataSetStatistics, settings: DataSetSettings, version: str
         version: Of this package, when the data set was begun.
     """
     motors, views = len(data.motors), len(data.views)
-    what = f"{motors} synthetic starter motors" + (f" in {views} clampings" if views else "")
+    what = f"{motors} synthetic starter motors"
+    if views:
+        what += f" in {views // settings.angles} clampings"
+    if settings.angles > 1:
+        what += f", {settings.angles} views each"
     sections = [
         f"# {what}",
         "**This data set is simulated**: no real motor, scanner or camera was involved. "
@@ -62,6 +66,7 @@ def render_card(data: DataSetStatistics, settings: DataSetSettings, version: str
         *_pictures(data.root),
         FORMAT_TEXT,
         *([SCENES_FORMAT_TEXT] if settings.kind is Kind.SCENES else []),
+        *([ANGLES_TEXT.format(angles=settings.angles)] if settings.angles > 1 else []),
         "## In numbers",
         "Ranges are minimum / median / maximum.",
         compare_table([data], ["this data set"]),
@@ -79,6 +84,7 @@ def _command(settings: DataSetSettings, count: int) -> str:
     if settings.kind is Kind.SCENES:
         words.append(f"--views {settings.views} --size {settings.width_px}x{settings.height_px}")
         words.append(f"--clamps {','.join(settings.clamps)}")
+        words += [] if settings.angles == 1 else [f"--angles {settings.angles}"]
         words += [] if settings.with_changes else ["--no-changes"]
     words += [] if settings.with_wear else ["--no-wear"]
     return " ".join([*words, "-o DIR"])

@@ -10,7 +10,7 @@ from boltpose.synthesis.sample import motor_files
 from boltpose.synthesis.settings import DataSetSettings
 from boltpose.synthesis.stopwatch import Stopwatch
 from boltpose.synthesis.truth import camera_truth, scene_truth, view_truth
-from boltpose.synthesis.views import SampledView, sample_view
+from boltpose.synthesis.views import SampledView, sample_views
 from boltpose.synthesis.write import (
     Sample,
     SampleFile,
@@ -40,16 +40,20 @@ def make_scene_sample(settings: DataSetSettings, number: int) -> Sample:
     scenes: dict[str, Any] = {}
     bolts: dict[str, Any] = {}
     retries = list(motor.retries)
-    for index in range(settings.views):
-        view = sample_view(settings, motor, index, watch)
+    for clamping in range(settings.views):
+        views = sample_views(settings, motor, clamping, watch)
         with watch.stage("write"):
-            scale_mm = _depth_scale_mm(view.captured.depth_mm)
-            files += _view_files(view, index, scale_mm)
-            key = str(index)
-            cameras[key] = camera_truth(view.captured.camera_matrix, scale_mm)
-            scenes[key] = scene_truth(number, view.camera_from_prior, view.base_from_camera)
-            bolts[key] = _view_truth(settings, motor, view)
-        retries += view.retries
+            for angle, view in enumerate(views):
+                index = clamping * settings.angles + angle
+                scale_mm = _depth_scale_mm(view.captured.depth_mm)
+                files += _view_files(view, index, scale_mm)
+                key = str(index)
+                cameras[key] = camera_truth(view.captured.camera_matrix, scale_mm)
+                scenes[key] = scene_truth(number, view.camera_from_prior, view.base_from_camera)
+                bolts[key] = _view_truth(settings, motor, view)
+                if settings.angles > 1:
+                    bolts[key]["clamping"] = clamping
+        retries += views[0].retries
     documents = {"scene_camera": cameras, "scene_gt": scenes, "bolts": bolts}
     files += [
         SampleFile(name=f"{name}.json", data=json_bytes(document))

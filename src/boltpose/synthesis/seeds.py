@@ -24,7 +24,13 @@ class Purpose(IntEnum):
 
 
 def generator(
-    dataset_seed: int, sample: int, purpose: Purpose, *, view: int = 0, attempt: int = 0
+    dataset_seed: int,
+    sample: int,
+    purpose: Purpose,
+    *,
+    view: int = 0,
+    attempt: int = 0,
+    angle: int = 0,
 ) -> np.random.Generator:
     """Make the generator of one choice, independent of all others.
 
@@ -37,12 +43,14 @@ def generator(
         purpose: What is drawn.
         view: Number of the view; 0 for what belongs to the motor.
         attempt: 0 first; more after a draw that could not be built.
+        angle: Number of the camera's place round one clamping; 0 for what belongs to the view.
 
     Returns:
         A generator; the same arguments give the same numbers on every machine.
     """
     key = (dataset_seed, sample, int(purpose), view, attempt)
-    return np.random.default_rng(np.random.SeedSequence(key))
+    # angle 0 is the view as it was before there were angles
+    return np.random.default_rng(np.random.SeedSequence(key + ((angle,) if angle else ())))
 
 
 def seed_of(

@@ -36,7 +36,9 @@ class DataSetSettings:
     """Topologies to draw from; sample i is of family i modulo their number, so all are as
     frequent."""
     views: int = 0
-    """Views per motor; 0 for motors alone."""
+    """Clampings per motor; 0 for motors alone."""
+    angles: int = 1
+    """Shots of every clamping, by one camera from places round it."""
     clamps: tuple[str, ...] = ()
     """Clamp designs to draw from."""
     width_px: int = 1224
@@ -61,6 +63,10 @@ class DataSetSettings:
             raise ConfigError("a data set of motors alone has neither views nor clamps")
         if self.kind is Kind.SCENES and not 1 <= self.views <= 1000:
             raise ConfigError(f"views must be 1 to 1000, got {self.views}")
+        if not 1 <= self.angles <= 100:
+            raise ConfigError(f"angles must be 1 to 100, got {self.angles}")
+        if self.kind is Kind.MOTORS and self.angles != 1:
+            raise ConfigError("a data set of motors alone has no angles")
         if self.kind is Kind.SCENES and not self.clamps:
             raise ConfigError("clamps must name at least one, got none")
 
@@ -80,6 +86,8 @@ class DataSetSettings:
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in asdict(self).items()
+            # data sets of one shot per clamping say nothing of angles, as before there were any
+            if name != "angles" or value != 1
         }
 
     @classmethod
@@ -90,7 +98,7 @@ class DataSetSettings:
             ConfigError: A field is missing, unknown or out of its range.
         """
         known = {field.name for field in fields(cls)}
-        if set(data) != known:
+        if set(data) | {"angles"} != known:
             raise ConfigError(f"settings must have the fields {sorted(known)}, got {sorted(data)}")
         try:
             return TypeAdapter(cls).validate_python(data)

@@ -18,6 +18,14 @@ def test_settings_survive_json() -> None:
     assert DataSetSettings.from_json(SCENES.to_json()) == SCENES
 
 
+def test_one_shot_per_clamping_is_not_spoken_of() -> None:
+    # data sets made before there were angles can be read, and are made again byte by byte
+    assert "angles" not in SCENES.to_json()
+    several = replace(SCENES, angles=3)
+    assert several.to_json()["angles"] == 3
+    assert DataSetSettings.from_json(several.to_json()) == several
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
@@ -27,6 +35,8 @@ def test_settings_survive_json() -> None:
         ({"clamps": ()}, "clamps must name at least one"),
         ({"width_px": 10}, "width_px must be 64"),
         ({"height_px": 5000}, "height_px must be 64 to 4096"),
+        ({"angles": 0}, "angles must be 1 to 100"),
+        ({"kind": Kind.MOTORS, "views": 0, "clamps": (), "angles": 2}, "has no angles"),
         ({"kind": Kind.MOTORS}, "neither views nor clamps"),
     ],
 )
