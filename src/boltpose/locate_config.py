@@ -16,7 +16,7 @@ class LocateConfig:
     max_points: int = 200_000
     """Of a larger scan so many points are chosen for segmentation and registration: 2.3 M points
     are then as fast and as accurate as 0.2 M (FINDINGS, section 1, "Budget")."""
-    max_near_points: int = 500_000
+    max_near_points: int = 300_000
     """Of more scan points around the motor so many are chosen to judge its bolts."""
     min_motor_probability: float = 0.5
     """Scan points from this probability on are taken for the motor."""
