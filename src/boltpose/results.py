@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, Literal, Self
@@ -12,9 +13,18 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from boltpose.errors import InputFileError
 from boltpose.io.atomic import write_atomic
-from boltpose.schema import Check, LocatedBolt, LocateResult, Registration, Side, Status, Visibility
+from boltpose.schema import (
+    BoltState,
+    Check,
+    LocatedBolt,
+    LocateResult,
+    Registration,
+    Side,
+    Status,
+    Visibility,
+)
 
-SCHEMA = "boltpose.poses/1"
+SCHEMA = "boltpose.poses/2"
 SCHEMA_FILE = Path(__file__).parent / "poses.schema.json"
 """The JSON Schema of the file, shipped with the package."""
 
@@ -58,10 +68,16 @@ class BoltPose(_Record):
     sure: bool
     remarks: list[str]
     covariance_mm2: Matrix3
-    """Of `head_top`; the hand-eye's own error is not in it."""
+    """Of `head_top`; the hand-eye's own error is in it only if it was told."""
     sigma_lateral_mm: Positive
     sigma_axial_mm: Positive
     sigma_axis_deg: Positive
+    state: BoltState
+    """What the camera says: is the head where the prior promises it?"""
+    state_reason: str
+    """What was seen instead; empty unless contradicted."""
+    p_tool_fits: Share | None
+    """Probability that the given tool lands on the bolt; null if no tool was given."""
 
     @model_validator(mode="after")
     def _is_a_proper_pose(self) -> Self:
@@ -72,7 +88,27 @@ class BoltPose(_Record):
             raise ValueError(f"rotation of bolt {self.id} mirrors")
         if not np.allclose(rotation[:, 2], self.axis, atol=1e-6):
             raise ValueError(f"axis of bolt {self.id} is not the third column of its rotation")
+        if (self.state is BoltState.CONTRADICTED) != bool(self.state_reason):
+            raise ValueError(f"bolt {self.id}: a contradiction, and only that, has a reason")
         return self
+
+
+class ExtraHeadPose(_Record):
+    """What looks like the head of a bolt where the prior has none, in the file's frame."""
+
+    head_top: Vector
+    diameter_mm: Positive
+    height_mm: Positive
+
+
+class VariantPose(_Record):
+    """How one of several known motors fits the scan."""
+
+    name: str
+    status: Status
+    p_correct: Share
+    score: float | None
+    """Of its best pose; null if there was none."""
 
 
 class Candidate(_Record):
@@ -92,7 +128,7 @@ class Candidate(_Record):
 class PosesFile(_Record):
     """All of `poses.json`; matrices row-major, `target_from_source`, points as columns."""
 
-    schema_: Literal["boltpose.poses/1"] = Field(alias="schema")
+    schema_: Literal["boltpose.poses/2"] = Field(alias="schema")
     status: Status
     reason: Check | None
     """The most telling failed check; null when ok."""
@@ -101,7 +137,13 @@ class PosesFile(_Record):
     frame: Literal["base", "camera"]
     unit: Literal["mm"]
     prior: str
+    p_correct: Share
+    """Probability that every bolt is at most 2 mm and 2 degrees off."""
     bolts: list[BoltPose]
+    extra_heads: list[ExtraHeadPose]
+    """Heads the camera saw that the prior does not know; a screwdriver may be needed there too."""
+    variants: list[VariantPose]
+    """The known motors that were tried, best first; empty if the motor was given."""
     camera_from_prior: Matrix4 | None
     """Null when refused: see `rejected_candidate`."""
     base_from_camera: Matrix4 | None
@@ -146,7 +188,25 @@ def to_file(result: LocateResult, timings_ms: Mapping[str, float] | None = None)
         frame="base" if result.frame == "base" else "camera",
         unit="mm",
         prior=result.prior_name,
+        p_correct=result.verdict.p_correct,
         bolts=[_bolt(bolt) for bolt in result.bolts],
+        extra_heads=[
+            ExtraHeadPose(
+                head_top=head.head_top_mm.tolist(),
+                diameter_mm=head.diameter_mm,
+                height_mm=head.height_mm,
+            )
+            for head in result.extra_heads
+        ],
+        variants=[
+            VariantPose(
+                name=variant.name,
+                status=variant.status,
+                p_correct=variant.p_correct,
+                score=variant.score if math.isfinite(variant.score) else None,
+            )
+            for variant in result.variants
+        ],
         camera_from_prior=candidate.camera_from_prior if candidate and is_ok else None,
         base_from_camera=(
             None if result.base_from_camera is None else result.base_from_camera.matrix.tolist()
@@ -229,6 +289,9 @@ def _bolt(bolt: LocatedBolt) -> BoltPose:
         sigma_lateral_mm=bolt.sigma_lateral_mm,
         sigma_axial_mm=bolt.sigma_axial_mm,
         sigma_axis_deg=float(np.degrees(bolt.sigma_axis_rad)),
+        state=bolt.state,
+        state_reason=bolt.state_reason,
+        p_tool_fits=bolt.p_tool_fits,
     )
 
 

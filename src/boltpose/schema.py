@@ -300,7 +300,8 @@ class LocatedBolt:
     sigma_axial_mm: float
     sigma_axis_rad: float
     covariance_mm2: FloatArray
-    """Shape (3, 3), of `head_top`, same frame as the pose; the hand-eye's error is not in it."""
+    """Shape (3, 3), of `head_top`, same frame as the pose; the hand-eye's error is in it only if
+    `HandEyeError` was given."""
     head_diameter_mm: float
     head_height_mm: float
     confidence: float
