@@ -10,16 +10,21 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 import boltpose
-from boltpose.arrays import BoolArray, FloatArray
-from boltpose.errors import ConfigError, DegenerateGeometryError, FrameError
+from boltpose.arrays import BoolArray, IntArray
+from boltpose.errors import ConfigError, FrameError
 from boltpose.geometry.sampling import voxel_downsample
 from boltpose.geometry.transforms import Transform
 from boltpose.locate_config import LocateConfig
-from boltpose.registration.icp import refine_pose
+from boltpose.registration.coarse import register_coarsely
 from boltpose.registration.library import PriorLibrary
-from boltpose.registration.register import rank_pose
 from boltpose.registration.relabel import relabel
-from boltpose.registration.shortlist import ViewSketch, align_all, rank_by_pairs, sketch_view
+from boltpose.registration.shortlist import (
+    ViewSketch,
+    align_all,
+    compare_closely,
+    rank_by_pairs,
+    sketch_view,
+)
 from boltpose.registration.verify import verify
 from boltpose.schema import (
     Check,
@@ -41,20 +46,21 @@ from boltpose.view import View, place_bolts, register_again, register_view, see
 class VariantConfig:
     """When one of many motors counts as recognised."""
 
-    full_tries: int = 5
-    """So many priors are registered in full before the motor counts as unknown. The right one was
-    the third at the latest in the views of reman18 (simulated), among 18 to 106 priors."""
-    rank_again: tuple[int, ...] = (0, 3)
-    """Tries for which the prior is chosen by point pairs alone: the first, when no pose is known,
-    and a later one, when the poses found so far may all be wrong."""
+    full_tries: int = 4
+    """So many priors are registered and judged in full before the motor counts as unknown."""
+    scouts: tuple[int, ...] = (0, 2)
+    """Tries before which another prior, chosen by its point pairs, is registered coarsely: at
+    first no pose is known, and later those found so far may all be wrong."""
+    scout_poses: int = 2
+    """Of a coarse registration so many poses go on."""
     look_alikes: int = 3
-    """So many of the nearest other motors are refined from the pose found and compared."""
-    min_lead: float = 0.05
-    """Score, 0 to 1, that the motor must be ahead of every other one tried. The next sizes of the
-    same families on reman18 (simulated) lie far below; see docs/results.md."""
+    """So many of the nearest other motors are settled from the pose found and compared."""
+    min_lead: float = 0.1
+    """Agreement, 0 to 1, that the motor must be ahead of every other one compared. The next sizes
+    of the same families on reman18 (simulated) lie far below; see docs/results.md."""
 
     def __post_init__(self) -> None:
-        for name in ("full_tries", "look_alikes"):
+        for name in ("full_tries", "scout_poses", "look_alikes"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} must be >= 1, got {getattr(self, name)}")
         if not 0 < self.min_lead < 1:
@@ -74,10 +80,11 @@ def locate_variant(
 ) -> LocateResult:
     """Tell which of the known motors is clamped and find its bolts; refuse all others.
 
-    The motor that looks most alike by its point pairs is registered first. With its axes all
+    The motor that looks most alike by its point pairs is registered coarsely. With its axes all
     others are laid into the view at once and ranked; the best goes through the same registration
-    and verdict as in `locate`, until one is accepted. Then the nearest look-alikes are refined
-    from its pose: the same family in another size must fit clearly worse.
+    and verdict as in `locate`, until one is accepted. Then the nearest look-alikes are settled
+    from its pose and measured on the same points: the same family in another size must fit clearly
+    worse.
 
     Args:
         scan: One view, mm, frame `camera` (camera at the origin, +z forward).
@@ -111,7 +118,7 @@ def locate_variant(
         search = _Search(view, library, config, variants)
         search.run()
         stages.done("registration")
-        search.try_look_alikes()
+        search.compare()
         stages.done("look-alikes")
         best, verdict = search.decide()
         bolts: tuple[LocatedBolt, ...] = ()
@@ -147,13 +154,11 @@ def locate_variant(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Try:
-    """One prior that was registered in the view."""
+    """One prior that was registered in full, judged when somebody asks."""
 
     row: int
     registration: Registration | None
-    verdict: Verdict
-    score: float
-    """Of `rank_pose` on the same points for all; -inf without a pose."""
+    verdict: Verdict | None = None
 
 
 class _Search:
@@ -169,171 +174,169 @@ class _Search:
         self._tries: dict[int, _Try] = {}
         self._agreement = np.full(len(library), -1.0)
         self._start: dict[int, Transform] = {}
-        motor_points = view.motor_points
-        self._sketch: ViewSketch | None = sketch_view(motor_points, library.config)
-        self._sample = self._ranking_sample(motor_points)
+        self._scores: dict[int, float] = {}
+        self._sketch: ViewSketch | None = sketch_view(view.motor_points, library.config)
 
     def run(self) -> None:
         """Register priors in full, the most promising first, until one is accepted."""
-        library = self._library
-        by_pairs = np.arange(len(library))
-        if self._sketch is not None:
-            by_pairs = rank_by_pairs(library.index, self._sketch)
-        for step in range(min(self._variants.full_tries, len(library))):
-            by_agreement = np.argsort(-self._agreement, kind="stable")
-            order = by_pairs if step in self._variants.rank_again else by_agreement
-            row = next(int(row) for row in order if int(row) not in self._tries)
-            tried = self._try_fully(row)
-            self._tries[row] = tried
-            if tried.registration is None:
-                return  # too few motor points: no other prior would do better
-            self._align_all(tried.registration, row)
-            if tried.verdict.status is Status.OK:
+        count = len(self._library)
+        if self._sketch is None:
+            self._register(0)  # too few motor points for any prior: it will say so
+            return
+        by_pairs = rank_by_pairs(self._library.index, self._sketch)
+        scouted: set[int] = set()
+        for step in range(min(self._variants.full_tries, count)):
+            if step in self._variants.scouts and count > 1:
+                ahead = [int(row) for row in by_pairs if row not in scouted | set(self._tries)]
+                scouted.update(ahead[:1])
+                for row in ahead[:1]:
+                    self._scout(row)
+            row = next(int(row) for row in self._by_agreement() if row not in self._tries)
+            registration = self._register(row)
+            if registration is None:
+                return
+            self._align_all([registration.camera_from_prior], row)
+            if self._verdict(row).status is Status.OK:
                 return
 
-    def try_look_alikes(self) -> None:
-        """Refine the motors nearest to the accepted one from where they were laid."""
+    def compare(self) -> None:
+        """Measure all that were tried, and the nearest look-alikes, on the same points.
+
+        A look-alike that comes near the accepted motor is registered and judged in full.
+        """
         accepted = self._accepted()
         if accepted is None:
+            self._measure([row for row in self._tries if row in self._start])
             return
-        order = np.argsort(-self._agreement, kind="stable")
-        nearest = [int(row) for row in order if int(row) != accepted.row]
-        for row in nearest[: self._variants.look_alikes]:
-            if row in self._tries:
-                continue
-            tried = self._refine(row, self._start[row])
-            if tried.score > accepted.score - self._variants.min_lead:
-                # too near to be told by a pose borrowed from another motor
-                again = self._try_fully(row)
-                tried = again if again.score > tried.score else tried
-            self._tries[row] = tried
+        nearest = [int(row) for row in self._by_agreement() if int(row) != accepted.row]
+        look_alikes = nearest[: self._variants.look_alikes]
+        self._measure(list(dict.fromkeys([*self._tries, *look_alikes])))
+        limit = self._scores[accepted.row] - self._variants.min_lead
+        for row in look_alikes:
+            if self._scores[row] > limit and row not in self._tries:
+                self._register(row)
+                self._verdict(row)
 
     def decide(self) -> tuple[_Try, Verdict]:
         """Choose the motor; refuse it unless it is accepted and clearly ahead of all others."""
         accepted = self._accepted()
-        ranked = sorted(self._tries.values(), key=lambda tried: -tried.score)
         if accepted is None:
-            best = ranked[0]
-            if best.registration is None:
-                return best, best.verdict
-            return best, _refused(best.verdict, self._unknown(ranked))
-        others = [tried for tried in ranked if tried.row != accepted.row]
+            rows = sorted(self._tries, key=lambda row: -self._scores.get(row, -np.inf))
+            verdicts = [self._verdict(row) for row in rows]
+            if self._tries[rows[0]].registration is None:
+                return self._tries[rows[0]], verdicts[0]
+            named = ", ".join(
+                f"{self._library.names[row]} ({', '.join(map(str, verdict.failed))})"
+                for row, verdict in zip(rows[:3], verdicts, strict=False)
+            )
+            sentence = f"none of {len(self._library)} known motors fits; nearest: {named}"
+            return self._tries[rows[0]], _refused(verdicts[0], sentence)
+        verdict = self._verdict(accepted.row)
+        score = self._scores[accepted.row]
+        others = sorted(
+            (row for row in self._scores if row != accepted.row), key=lambda r: -self._scores[r]
+        )
         if not others:
-            return accepted, accepted.verdict
-        lead = accepted.score - others[0].score
+            return accepted, verdict
+        lead = score - self._scores[others[0]]
         wanted = self._variants.min_lead
         verdict = replace(
-            accepted.verdict,
-            scores={**accepted.verdict.scores, "variant_lead": lead},
-            thresholds={**accepted.verdict.thresholds, "variant_lead": wanted},
+            verdict,
+            scores={**verdict.scores, "variant_lead": lead},
+            thresholds={**verdict.thresholds, "variant_lead": wanted},
         )
-        likelier = [o for o in others if o.verdict.p_correct > accepted.verdict.p_correct]
+        likelier = [row for row in others if self._p_correct(row) > verdict.p_correct]
         if lead >= wanted and not likelier:
             return accepted, verdict
-        name = self._library.names
         rival = others[0] if lead < wanted else likelier[0]
+        names = self._library.names
         sentence = (
-            f"{name[accepted.row]} and {name[rival.row]} cannot be told apart: "
-            f"scores {accepted.score:.3f} and {rival.score:.3f}, wanted {wanted:.3g} between them"
+            f"{names[accepted.row]} and {names[rival]} cannot be told apart: agreement "
+            f"{score:.3f} and {self._scores[rival]:.3f}, wanted {wanted:.3g} between them"
         )
         return accepted, _refused(verdict, sentence)
 
     def scores(self, best: _Try) -> tuple[VariantScore, ...]:
-        """All priors tried: the chosen one, then the others by score."""
+        """All priors compared: the chosen one, then the others by score."""
         others = sorted(
-            (tried for tried in self._tries.values() if tried is not best),
-            key=lambda tried: -tried.score,
+            (row for row in self._scores if row != best.row), key=lambda r: -self._scores[r]
         )
         return tuple(
             VariantScore(
-                name=self._library.names[tried.row],
-                status=tried.verdict.status,
-                p_correct=tried.verdict.p_correct,
-                score=tried.score,
+                name=self._library.names[row],
+                status=self._verdict(row).status if row in self._tries else Status.REFUSED,
+                p_correct=self._p_correct(row),
+                score=self._scores.get(row, -np.inf),
             )
-            for tried in (best, *others)
+            for row in (best.row, *others)
         )
+
+    def _by_agreement(self) -> IntArray:
+        return np.argsort(-self._agreement, kind="stable").astype(np.int64)
 
     def _accepted(self) -> _Try | None:
-        """The best of those whose verdict is ok."""
-        accepted = [t for t in self._tries.values() if t.verdict.status is Status.OK]
-        return max(accepted, key=lambda tried: tried.score, default=None)
-
-    def _unknown(self, ranked: list[_Try]) -> str:
-        named = ", ".join(
-            f"{self._library.names[tried.row]} ({', '.join(map(str, tried.verdict.failed))})"
-            for tried in ranked[:3]
+        """The nearest of those judged ok."""
+        accepted = [
+            tried
+            for tried in self._tries.values()
+            if tried.verdict is not None and tried.verdict.status is Status.OK
+        ]
+        return max(
+            accepted,
+            key=lambda tried: (self._scores.get(tried.row, 0.0), self._agreement[tried.row]),
+            default=None,
         )
-        return f"none of {len(self._library)} known motors fits; nearest: {named}"
 
-    def _try_fully(self, row: int) -> _Try:
-        prepared = self._library.prepared(row)
-        best = register_view(self._view, prepared, self._config).best
+    def _verdict(self, row: int) -> Verdict:
+        tried = self._tries[row]
+        if tried.verdict is not None:
+            return tried.verdict
+        view, prepared, config = self._view, self._library.prepared(row), self._config
+        best = tried.registration
         if best is not None:
-            best = register_again(best, self._view, prepared, self._config)
-        return self._judge(row, best)
+            best = register_again(best, view, prepared, config)
+        verdict = verify(best, prepared, view.scene, view.motor_points, config.verification)
+        self._tries[row] = _Try(row, best, verdict)
+        return verdict
 
-    def _refine(self, row: int, start: Transform) -> _Try:
-        prepared = self._library.prepared(row)
-        try:
-            fine = refine_pose(
-                start, self._view.motor_points, prepared, self._config.registration.fine
-            )
-        except DegenerateGeometryError:
-            return self._judge(row, None)
-        score = self._score(row, fine.camera_from_prior)
-        registration = Registration(
-            camera_from_prior=fine.camera_from_prior,
-            converged=fine.converged,
-            rms_mm=fine.rms_mm,
-            inlier_ratio=fine.inlier_ratio,
-            covariance=fine.covariance,
-            centre_mm=fine.centre_mm,
-            runner_up_score=0.0,
-            score=score,
-        )
-        return self._judge(row, registration)
+    def _p_correct(self, row: int) -> float:
+        return self._verdict(row).p_correct if row in self._tries else 0.0
 
-    def _judge(self, row: int, registration: Registration | None) -> _Try:
-        verdict = verify(
-            registration,
-            self._library.prepared(row),
-            self._view.scene,
-            self._view.motor_points,
-            self._config.verification,
-        )
-        score = -np.inf
-        if registration is not None:
-            score = self._score(row, registration.camera_from_prior)
-        return _Try(row, registration, verdict, float(score))
+    def _scout(self, row: int) -> None:
+        """Lay all motors where a coarse registration, without a second chance, puts this one."""
+        coarse = replace(self._config.registration.coarse, convincing_score=0.0)
+        points = voxel_downsample(self._view.motor_points, 2.0)
+        poses = register_coarsely(self._library.prepared(row), points, coarse).poses
+        self._align_all(poses[: self._variants.scout_poses].transforms(), row)
 
-    def _score(self, row: int, camera_from_prior: Transform) -> float:
-        return rank_pose(
-            camera_from_prior,
-            self._sample,
-            self._library.prepared(row),
-            self._config.registration,
-            self._view.scene,
-        )
+    def _register(self, row: int) -> Registration | None:
+        best = register_view(self._view, self._library.prepared(row), self._config).best
+        self._tries[row] = _Try(row, best)
+        return best
 
-    def _align_all(self, registration: Registration, row: int) -> None:
-        if self._sketch is None:
-            return
+    def _align_all(self, camera_from_prior: Sequence[Transform], row: int) -> None:
+        assert self._sketch is not None
         index = self._library.index
-        camera_from_motor = registration.camera_from_prior @ index.sketches[row].prior_from_motor
-        for aligned in align_all(index, self._sketch, camera_from_motor, self._library.config):
+        prior_from_motor = index.sketches[row].prior_from_motor
+        guesses = [pose @ prior_from_motor for pose in camera_from_prior]
+        for aligned in align_all(index, self._sketch, guesses, self._library.config):
             if aligned.agreement > self._agreement[aligned.row]:
                 self._agreement[aligned.row] = aligned.agreement
                 self._start[aligned.row] = aligned.camera_from_prior
 
-    def _ranking_sample(self, motor_points: FloatArray) -> FloatArray:
-        if not len(motor_points):
-            return motor_points
-        thinned = voxel_downsample(motor_points, 2.0)
-        order = np.random.default_rng(self._config.registration.coarse.seed).permutation(
-            len(thinned)
-        )
-        return thinned[order[: self._config.registration.ranking_points]]
+    def _measure(self, rows: list[int]) -> None:
+        if self._sketch is None or not rows:
+            return
+        starts = [self._pose(row) for row in rows]
+        priors = [self._library.prior(row) for row in rows]
+        agreement = compare_closely(priors, starts, self._sketch, self._library.config)
+        self._scores = dict(zip(rows, map(float, agreement), strict=True))
+
+    def _pose(self, row: int) -> Transform:
+        tried = self._tries.get(row)
+        if tried is not None and tried.registration is not None:
+            return tried.registration.camera_from_prior
+        return self._start[row]
 
 
 def _refused(verdict: Verdict, sentence: str) -> Verdict:

@@ -17,7 +17,9 @@ from boltpose.schema import Part, Prior
 SKETCH_VERSION = 1
 """Counts up whenever a sketch of the same prior changes: older files are sketched anew."""
 SKETCH_POINTS = 1500
-"""About 6 mm apart: plane to plane, an alignment needs no more."""
+"""Plane to plane, an alignment needs no more."""
+SKETCH_SPACING_MM = 6.0
+"""How far apart they are."""
 _VOXEL_MM = 3.0
 _VIEW_DIRECTIONS = 64
 _VIEW_CELL_MM = 5.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from boltpose.errors import ConfigError
 from boltpose.prior.folder import open_prior_folder
@@ -12,6 +13,8 @@ from boltpose.prior.sketch import PriorSketch, sketch_prior
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
 from boltpose.registration.shortlist import ShortlistConfig, ShortlistIndex, build_shortlist_index
 from boltpose.schema import Prior
+
+Kept = TypeVar("Kept")
 
 
 class PriorLibrary:
@@ -46,6 +49,7 @@ class PriorLibrary:
         self.names = tuple(sketch.name for sketch in self.index.sketches)
         self._read = read
         self._kept = kept
+        self._priors: OrderedDict[int, Prior] = OrderedDict()
         self._prepared: OrderedDict[int, PreparedPrior] = OrderedDict()
 
     @classmethod
@@ -63,9 +67,7 @@ class PriorLibrary:
         return cls(sketches, by_name.__getitem__, config=config)
 
     @classmethod
-    def from_folder(
-        cls, folder: str | Path, config: ShortlistConfig | None = None
-    ) -> PriorLibrary:
+    def from_folder(cls, folder: str | Path, config: ShortlistConfig | None = None) -> PriorLibrary:
         """Open a folder of `.prior.npz` files; of each only its sketch is read.
 
         Raises:
@@ -78,18 +80,35 @@ class PriorLibrary:
     def __len__(self) -> int:
         return len(self.names)
 
+    def prior(self, row: int) -> Prior:
+        """Return a prior.
+
+        Raises:
+            InputFileError: Its file cannot be read.
+        """
+        return _keep(self._priors, row, lambda: self._read(self.names[row]), self._kept)
+
     def prepared(self, row: int) -> PreparedPrior:
         """Return a prior ready for registration.
 
         Raises:
             InputFileError: Its file cannot be read.
         """
-        if row not in self._prepared:
-            self._prepared[row] = prepare_prior(self._read(self.names[row]))
-            while len(self._prepared) > self._kept:
-                self._prepared.popitem(last=False)
-        self._prepared.move_to_end(row)
-        return self._prepared[row]
+        return _keep(self._prepared, row, lambda: prepare_prior(self.prior(row)), self._kept)
+
+    def forget(self) -> None:
+        """Drop what is kept in memory, as if just opened."""
+        self._priors.clear()
+        self._prepared.clear()
+
+
+def _keep(store: OrderedDict[int, Kept], row: int, make: Callable[[], Kept], size: int) -> Kept:
+    if row not in store:
+        store[row] = make()
+        while len(store) > size:
+            store.popitem(last=False)
+    store.move_to_end(row)
+    return store[row]
 
 
 def _with_unique_names(sketches: Sequence[PriorSketch]) -> Sequence[PriorSketch]:

@@ -12,15 +12,14 @@ from boltpose.arrays import BoolArray, Float32Array, FloatArray, IntArray, freez
 from boltpose.errors import ConfigError
 from boltpose.geometry.normals import estimate_normals, orient_towards
 from boltpose.geometry.point_pairs import pair_histogram
-from boltpose.geometry.sampling import voxel_downsample
+from boltpose.geometry.sampling import voxel_downsample, voxel_representatives
 from boltpose.geometry.transforms import Transform
-from boltpose.prior.sketch import PriorSketch
+from boltpose.prior.sketch import SKETCH_SPACING_MM, PriorSketch
 from boltpose.registration.batch import PoseBatch, join_batches, rotations_from_vectors
+from boltpose.schema import Prior
 
 _APART_MM = 5000.0
 """Sketches lie this far from each other in the common search tree: none meets its neighbour."""
-_SPACING_MM = 6.0
-"""Of the points of a sketch."""
 _LEVER_MM = 50.0
 """Rotations are solved for as millimetres at this distance, as in the coarse stage."""
 _DAMPING = 1e-3
@@ -53,21 +52,24 @@ class AlignRound:
 class ShortlistConfig:
     """Settings of the shortlist."""
 
-    pair_points: int = 1000
+    pair_points: int = 800
     """Motor points whose pairs are counted."""
     neighbours: int = 16
     """Points, 2 mm apart, that make the normal of one of them."""
     unknown_share: float = 0.2
     """Share of the pairs taken to be of anything, clamp and noise, and not of the motor."""
-    first: AlignRound = AlignRound(
-        points=120, steps=5, distance_mm=(15.0, 6.0), tolerance_mm=2.0
-    )
+    first: AlignRound = AlignRound(points=120, steps=5, distance_mm=(15.0, 6.0), tolerance_mm=2.0)
     """Every prior goes through it."""
     kept: int = 12
     """Priors that go through the second round."""
     second: AlignRound = AlignRound(points=600, steps=6, distance_mm=(8.0, 4.0), tolerance_mm=1.0)
     """On the 72 views of reman18 (simulated) the right prior came first in all, with a tolerance of
     1 as of 2 mm."""
+    third: AlignRound = AlignRound(points=1500, steps=8, distance_mm=(4.0, 1.0), tolerance_mm=0.5)
+    """The best few go through it, on their full surface, and are compared by it. 0.5 mm: the right
+    motor fits within the measuring error, the next size does not."""
+    voxel_mm: float = 1.5
+    """Spacing of that surface."""
     min_facing: float = 0.5
     """Cosine that the normals of a pair must reach."""
     seed: int = 0
@@ -77,9 +79,24 @@ class ShortlistConfig:
         for name in ("pair_points", "neighbours", "kept"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} must be >= 1, got {getattr(self, name)}")
+        if not self.voxel_mm > 0:
+            raise ConfigError(f"voxel_mm must be > 0, got {self.voxel_mm}")
         for name in ("unknown_share", "min_facing"):
             if not 0 < getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be in (0, 1), got {getattr(self, name)}")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Surfaces:
+    """Several motors' surfaces in one search tree."""
+
+    points: Float32Array
+    """Shape (sum of K, 3), mm, each in its own frame `motor`."""
+    normals: Float32Array
+    """Shape (sum of K, 3), unit, outward."""
+    tree: KDTree
+    """Over `points`, motor i moved by i times 5 m along x."""
+    spacing_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -89,11 +106,8 @@ class ShortlistIndex:
     sketches: tuple[PriorSketch, ...]
     log_pairs: Float32Array
     """Shape (P, W): logarithm of each prior's share of pair words."""
-    points: Float32Array
-    """Shape (sum of K, 3), mm, each sketch in its own frame `motor`."""
-    normals: Float32Array
-    tree: KDTree
-    """Over `points`, sketch i moved by i times 5 m along x."""
+    surfaces: _Surfaces
+    """Of the sketches."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -133,17 +147,26 @@ def build_shortlist_index(
     pairs = np.stack([sketch.pairs for sketch in sketches])
     # pairs that no prior has, of the clamp, must not decide between them
     known = (1.0 - config.unknown_share) * pairs + config.unknown_share * pairs.mean(axis=0)
-    offsets = np.repeat(np.arange(len(sketches)), [len(s.points) for s in sketches]) * _APART_MM
-    points = np.concatenate([sketch.points for sketch in sketches])
-    placed = points.astype(np.float64)
-    placed[:, 0] += offsets
     return ShortlistIndex(
         sketches=tuple(sketches),
         log_pairs=freeze(np.log(known + 1e-7).astype(np.float32)),
-        points=freeze(points),
-        normals=freeze(np.concatenate([sketch.normals for sketch in sketches])),
-        tree=KDTree(placed),
+        surfaces=_join_surfaces(
+            [sketch.points for sketch in sketches],
+            [sketch.normals for sketch in sketches],
+            SKETCH_SPACING_MM,
+        ),
     )
+
+
+def _join_surfaces(
+    points: Sequence[Float32Array], normals: Sequence[Float32Array], spacing_mm: float
+) -> _Surfaces:
+    together = np.concatenate(points)
+    placed = together.astype(np.float64)
+    placed[:, 0] += np.repeat(np.arange(len(points)), [len(part) for part in points]) * _APART_MM
+    # a tree of medians takes three times as long to build as it saves here
+    tree = KDTree(placed, balanced_tree=False, compact_nodes=False)
+    return _Surfaces(freeze(together), freeze(np.concatenate(normals)), tree, spacing_mm)
 
 
 def sketch_view(motor_points: FloatArray, config: ShortlistConfig) -> ViewSketch | None:
@@ -159,7 +182,8 @@ def sketch_view(motor_points: FloatArray, config: ShortlistConfig) -> ViewSketch
     thinned = voxel_downsample(motor_points, 2.0) if len(motor_points) else motor_points
     if len(thinned) < config.neighbours:
         return None
-    wanted = max(config.pair_points, config.first.points, config.second.points)
+    rounds = (config.first, config.second, config.third)
+    wanted = max(config.pair_points, *(step.points for step in rounds))
     chosen = np.random.default_rng(config.seed).permutation(len(thinned))[:wanted]
     points = thinned[chosen]
     normals = estimate_normals(thinned, config.neighbours, at=chosen)
@@ -182,7 +206,7 @@ def rank_by_pairs(index: ShortlistIndex, view: ViewSketch) -> IntArray:
 def align_all(
     index: ShortlistIndex,
     view: ViewSketch,
-    camera_from_motor: Transform,
+    camera_from_motor: Sequence[Transform],
     config: ShortlistConfig | None = None,
 ) -> tuple[AlignedPrior, ...]:
     """Lay every prior where another motor was found, settle it and see how well it fits.
@@ -193,25 +217,31 @@ def align_all(
     Args:
         index: All priors.
         view: What was seen.
-        camera_from_motor: Axes of the motor in the view as some prior, not necessarily the right
-            one, was registered.
+        camera_from_motor: Guesses of the motor's axes in the view, at least one, from registering
+            some prior, not necessarily the right one.
         config: Settings.
 
     Returns:
         All priors, best first; those beyond `config.kept` in the order of the first round.
     """
     config = config or ShortlistConfig()
-    inverse = camera_from_motor.inverse()
     count = len(index.sketches)
     everyone = np.arange(count)
+    guesses = [guess.inverse() for guess in camera_from_motor]
+    # guess by guess, in each all priors
     poses = PoseBatch(
-        np.repeat(inverse.rotation[None], count, axis=0),
-        np.repeat(inverse.translation_mm[None], count, axis=0),
+        np.repeat([guess.rotation for guess in guesses], count, axis=0),
+        np.repeat([guess.translation_mm for guess in guesses], count, axis=0),
     )
-    poses, agreement = _align(index, everyone, poses, view, config.first, config.min_facing)
+    owners = np.tile(everyone, len(guesses))
+    poses, tried = _align(index.surfaces, owners, poses, view, config.first, config.min_facing)
+    best = tried.reshape(len(guesses), count).argmax(axis=0) * count + everyone
+    poses, agreement = poses[best], tried[best]
     order = np.argsort(-agreement, kind="stable")
     kept, rest = order[: config.kept], order[config.kept :]
-    closer, better = _align(index, kept, poses[kept], view, config.second, config.min_facing)
+    closer, better = _align(
+        index.surfaces, kept, poses[kept], view, config.second, config.min_facing
+    )
     again = np.argsort(-better, kind="stable")
     rows = np.concatenate([kept[again], rest])
     poses = join_batches([closer[again], poses[rest]])
@@ -230,23 +260,57 @@ def align_all(
     )
 
 
+def compare_closely(
+    priors: Sequence[Prior],
+    starts: Sequence[Transform],
+    view: ViewSketch,
+    config: ShortlistConfig | None = None,
+) -> FloatArray:
+    """Settle a few priors on their full surface and measure all on the same points.
+
+    Args:
+        priors: At least one.
+        starts: `camera_from_prior` of each, off by a few millimetres at most.
+        view: What was seen.
+        config: Settings.
+
+    Returns:
+        Shape (P,), 0 to 1: mean agreement of the motor points with each.
+    """
+    config = config or ShortlistConfig()
+    thinned = [voxel_representatives(prior.points, config.voxel_mm) for prior in priors]
+    surfaces = _join_surfaces(
+        [p.points[rows].astype(np.float32) for p, rows in zip(priors, thinned, strict=True)],
+        [p.normals[rows].astype(np.float32) for p, rows in zip(priors, thinned, strict=True)],
+        config.voxel_mm,
+    )
+    inverses = [start.inverse() for start in starts]
+    poses = PoseBatch(
+        np.stack([inverse.rotation for inverse in inverses]),
+        np.stack([inverse.translation_mm for inverse in inverses]),
+    )
+    rows = np.arange(len(priors))
+    _, agreement = _align(surfaces, rows, poses, view, config.third, config.min_facing)
+    return agreement
+
+
 def _align(
-    index: ShortlistIndex,
+    surfaces: _Surfaces,
     rows: IntArray,
     poses: PoseBatch,
     view: ViewSketch,
     config: AlignRound,
     min_facing: float,
 ) -> tuple[PoseBatch, FloatArray]:
-    """Settle `motor_from_camera` of each of some priors by point-to-plane steps; poses, (R,)."""
+    """Settle the inverse pose of each of some priors by point-to-plane steps; poses, (R,)."""
     points = view.points[: config.points].astype(np.float32)
     normals = view.normals[: config.points].astype(np.float32)
     for distance in np.geomspace(*config.distance_mm, config.steps):
-        pairs = _pair(index, rows, poses, points, normals, min_facing)
+        pairs = _pair(surfaces, rows, poses, points, normals, min_facing)
         poses = _step(poses, pairs, float(distance))
-    pairs = _pair(index, rows, poses, points, normals, min_facing)
-    # how far beside a sketch's point the surface may go on: the sketch is 6 mm coarse
-    near = pairs.distances_squared < (config.tolerance_mm + _SPACING_MM) ** 2
+    pairs = _pair(surfaces, rows, poses, points, normals, min_facing)
+    # between two points of a surface it goes on
+    near = pairs.distances_squared < (config.tolerance_mm + surfaces.spacing_mm) ** 2
     agreement = np.maximum(1.0 - (pairs.residuals / config.tolerance_mm) ** 2, 0.0)
     return poses, (agreement * (near & pairs.is_facing)).mean(axis=1).astype(np.float64)
 
@@ -254,7 +318,7 @@ def _align(
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pairs:
     moved: Float32Array
-    """Shape (R, N, 3), mm, frame `motor`."""
+    """Shape (R, N, 3), mm, in the frame of the surface."""
     normals: Float32Array
     """Shape (R, N, 3), of the partners."""
     residuals: Float32Array
@@ -263,7 +327,7 @@ class _Pairs:
 
 
 def _pair(
-    index: ShortlistIndex,
+    surfaces: _Surfaces,
     rows: IntArray,
     poses: PoseBatch,
     points: Float32Array,
@@ -274,10 +338,10 @@ def _pair(
     moved = points @ turn + poses.translations_mm[:, None].astype(np.float32)
     placed = moved.astype(np.float64)
     placed[..., 0] += _APART_MM * rows[:, None]
-    _, partner = index.tree.query(placed.reshape(-1, 3), workers=-1)
+    _, partner = surfaces.tree.query(placed.reshape(-1, 3), workers=-1)
     partner = np.asarray(partner).reshape(moved.shape[:2])
-    partner_normals = index.normals[partner]
-    offset = index.points[partner] - moved
+    partner_normals = surfaces.normals[partner]
+    offset = surfaces.points[partner] - moved
     return _Pairs(
         moved,
         partner_normals,
