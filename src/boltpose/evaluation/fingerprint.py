@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
-import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import numpy as np
 
 import boltpose
 from boltpose.evaluation.records import Environment
+from boltpose.io.source_commit import source_commit
 
 PACKAGE = Path(boltpose.__file__).parent
 SOURCES = (
@@ -38,7 +38,18 @@ RENDERING = frozenset(
         "calibration_report.py",
     }
 )
-"""Modules of `evaluation` that only read records; `study_*.py` are of another evaluation."""
+"""Modules of `evaluation` that only read records."""
+OTHER_EVALUATIONS = (
+    "study_",
+    "table1",
+    "peers",
+    "hard_",
+    "bolt_state",
+    "variants",
+    "several_views",
+    "uncertainty",
+)
+"""Names of modules of other evaluations begin with one of these."""
 
 
 def fingerprint(data: Path, models_dir: Path, request: Iterable[str]) -> str:
@@ -58,8 +69,8 @@ def fingerprint(data: Path, models_dir: Path, request: Iterable[str]) -> str:
     for pattern in SOURCES:
         for path in sorted(PACKAGE.glob(pattern)):
             relative = path.relative_to(PACKAGE)
-            is_study = relative.name.startswith("study_")
-            if relative.parts[0] == "evaluation" and (relative.name in RENDERING or is_study):
+            is_other = relative.name in RENDERING or relative.name.startswith(OTHER_EVALUATIONS)
+            if relative.parts[0] == "evaluation" and is_other:
                 continue
             digest.update(f"{relative.as_posix()}\0".encode())
             digest.update(hashlib.sha256(path.read_bytes()).digest())
@@ -77,22 +88,9 @@ def describe_environment() -> Environment:
     """Say where the numbers come from; the commit is `unknown` outside a git checkout."""
     return Environment(
         version=boltpose.__version__,
-        commit=_commit(),
+        commit=source_commit() or "unknown",
         python=platform.python_version(),
         numpy=np.__version__,
         machine=f"{platform.system()} {platform.machine()}",
         cores=len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
     )
-
-
-def _commit() -> str:
-    def git(*arguments: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(PACKAGE), *arguments], check=True, capture_output=True, text=True
-        ).stdout.strip()
-
-    try:
-        commit = git("rev-parse", "--short=12", "HEAD")
-        return f"{commit}, changed" if git("status", "--porcelain", "--", ".") else commit
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"

@@ -18,8 +18,9 @@ _CLIP = 0.02
 class ConfidenceConfig:
     """A logistic model of whether a head is a bolt: weights of the log odds.
 
-    Fitted by `python -m boltpose.training.bolt_confidence` on the candidates of 42 motors of the
-    factory (`boltpose synth`) by networks that were trained on 240 others; reman18 took no part.
+    Fitted on the candidates of 42 motors of the factory (`boltpose synth`) by networks that were
+    trained on 240 others; reman18 took no part. `python -m boltpose.training.bolt_confidence`
+    minimises the same loss from the scans on; it has been run on 4 motors only.
     """
 
     constant: float = -0.8

@@ -93,9 +93,9 @@ is verified against the scan.
 }
 
 _RETRAIN = """\
-**Retrain.** `make models` does it all, from the synthetic data sets to this card: about
-1.5 hours of one core for the data and 2 for all networks, a family left out or not. On
-your own motors: `docs/train-your-own.md`.
+**Retrain.** `make models` does it all, from the synthetic data sets to this card. Plan
+half a day of one core; no run of the whole was timed. On your own motors:
+`docs/train-your-own.md`.
 """
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from torch import Tensor, nn
 
 from boltpose import __version__
 from boltpose.errors import InputFileError
+from boltpose.io.source_commit import source_commit
 
 _WANTED = "weights of a boltpose network (.safetensors)"
 
@@ -85,19 +85,3 @@ def load_into(network: nn.Module, path: Path) -> None:
         if here != there:
             raise InputFileError(path, f"{name} of {there}", f"{name} of {here}")
     network.load_state_dict(dict(found.tensors))
-
-
-def source_commit() -> str:
-    """Git commit of this source tree, with `+` if it differs from it; empty outside of one."""
-    here = Path(__file__).parent
-
-    def git(*arguments: str) -> str:
-        return subprocess.run(
-            ["git", "-C", str(here), *arguments], capture_output=True, text=True, check=True
-        ).stdout.strip()
-
-    try:
-        commit = git("rev-parse", "--short=12", "HEAD")
-        return commit + ("+" if git("status", "--porcelain", "--", str(here.parent)) else "")
-    except (OSError, subprocess.CalledProcessError):
-        return ""
