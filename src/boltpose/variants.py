@@ -146,7 +146,7 @@ def locate_variant(
         provenance={
             "version": boltpose.__version__,
             "config": asdict(config),
-            "variants": {"priors": len(library), **asdict(variants)},
+            "variants": {"priors": len(library), **search.names(), **asdict(variants)},
             **(provenance or {}),
         },
     )
@@ -171,6 +171,7 @@ class _Search:
         self._library = library
         self._config = config
         self._variants = variants
+        self._scouted: list[int] = []
         self._tries: dict[int, _Try] = {}
         self._agreement = np.full(len(library), -1.0)
         self._start: dict[int, Transform] = {}
@@ -184,11 +185,12 @@ class _Search:
             self._register(0)  # too few motor points for any prior: it will say so
             return
         by_pairs = rank_by_pairs(self._library.index, self._sketch)
-        scouted: set[int] = set()
+        scouted = self._scouted
         for step in range(min(self._variants.full_tries, count)):
             if step in self._variants.scouts and count > 1:
-                ahead = [int(row) for row in by_pairs if row not in scouted | set(self._tries)]
-                scouted.update(ahead[:1])
+                seen = {*scouted, *self._tries}
+                ahead = [int(row) for row in by_pairs if int(row) not in seen]
+                scouted.extend(ahead[:1])
                 for row in ahead[:1]:
                     self._scout(row)
             row = next(int(row) for row in self._by_agreement() if row not in self._tries)
@@ -270,6 +272,14 @@ class _Search:
             )
             for row in (best.row, *others)
         )
+
+    def names(self) -> dict[str, list[str]]:
+        """Which priors were registered, in this order; for the result's provenance."""
+        names = self._library.names
+        return {
+            "scouted": [names[row] for row in self._scouted],
+            "registered": [names[row] for row in self._tries],
+        }
 
     def _by_agreement(self) -> IntArray:
         return np.argsort(-self._agreement, kind="stable").astype(np.int64)

@@ -32,18 +32,16 @@ def write_prior(path: str | Path, prior: Prior) -> None:
     Raises:
         InputFileError: The file cannot be written there.
     """
-    header = json.dumps(prior_to_json(prior), sort_keys=True)
-    sketch = _sketch_arrays(prior)
+    arrays: dict[str, Any] = {
+        "header": np.array(json.dumps(prior_to_json(prior), sort_keys=True)),
+        "points": prior.points.astype(np.float32),
+        "normals": prior.normals.astype(np.float32),
+        "labels": prior.labels,
+        **_sketch_arrays(prior),
+    }
 
     def write(stream: BinaryIO) -> None:
-        np.savez_compressed(
-            stream,
-            header=np.array(header),
-            points=prior.points.astype(np.float32),
-            normals=prior.normals.astype(np.float32),
-            labels=prior.labels,
-            **sketch,
-        )
+        np.savez_compressed(stream, **arrays)
 
     write_atomic(Path(path), write)
 

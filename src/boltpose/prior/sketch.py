@@ -59,7 +59,8 @@ def sketch_prior(prior: Prior) -> PriorSketch:
     sees = _sees(points, normals)
     chosen = np.random.default_rng(_SEED).permutation(len(points))[:SKETCH_POINTS]
     seen = sees[:, chosen].astype(np.float32)
-    pairs = pair_histogram(points[chosen], normals[chosen], seen.T @ seen)
+    together = (seen.T @ seen).astype(np.float64)
+    pairs = pair_histogram(points[chosen], normals[chosen], together)
     return PriorSketch(
         name=prior.name,
         points=freeze(points[chosen].astype(np.float32)),
