@@ -238,7 +238,8 @@ class _Judge:
             )
             candidate = replace(candidate, score=score)
             is_settled = miss.is_refined and candidate.converged
-            yield self._case(miss.kind, miss.size, candidate, is_settled=is_settled)
+            pose = f"{miss.kind}, {'refined' if miss.is_refined else 'raw'}"
+            yield self._case(pose, miss.size, candidate, is_settled=is_settled)
 
     def _refined(self, candidate: Registration) -> Registration:
         hard = self._hard

@@ -8,6 +8,8 @@ The printed values belong into `registration/probability_config.py`; nothing is 
 from __future__ import annotations
 
 import argparse
+import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +23,7 @@ from boltpose.evaluation.hard_records import HardCase, HardMotor, read_hard_moto
 from boltpose.registration.probability import features
 from boltpose.registration.probability_config import FEATURES, ProbabilityConfig
 
-RIDGE = 1e-4
+RIDGE = 1e-3
 """Pull of the weights to zero, per unit of standardised feature: perfectly separable cases would
 otherwise ask for infinite weights."""
 
@@ -39,7 +41,8 @@ def fit_probability(motors: Sequence[HardMotor]) -> ProbabilityConfig:
     """Fit bias and weights by ridge-penalised logistic loss, weights not negative.
 
     Right and wrong poses weigh the same in sum, so that the probability is that of a pose about
-    which nothing else is known.
+    which nothing else is known. Every kind of wrong case weighs the same, or else the many easy
+    near misses would hide the few mirrored motors.
 
     Args:
         motors: Records; only choosers are used.
@@ -60,17 +63,25 @@ def fit_probability(motors: Sequence[HardMotor]) -> ProbabilityConfig:
     table = np.array([features(case.evidence) for case in cases if case.evidence is not None])
     mean, scale = table.mean(axis=0), table.std(axis=0) + 1e-9
     standard = (table - mean) / scale
-    solution = _minimise(standard, right)
+    solution = _minimise(standard, right, _weights(cases, right))
     weights = solution[1:] / scale
     bias = float(solution[0] - weights @ mean)
     found = {name: float(f"{w:.3g}") for name, w in zip(FEATURES, weights, strict=True)}
     return replace(ProbabilityConfig(), bias=float(f"{bias:.4g}"), **found)
 
 
-def _minimise(table: FloatArray, right: BoolArray) -> FloatArray:
+def _weights(cases: Sequence[HardCase], right: BoolArray) -> FloatArray:
+    kinds = [(case.kind, case.is_wrong) for case in cases]
+    count = Counter(kinds)
+    weight = np.array([1.0 / count[kind] for kind in kinds])
+    for side in (right, ~right):
+        weight[side] *= 0.5 / weight[side].sum()
+    return weight
+
+
+def _minimise(table: FloatArray, right: BoolArray, weight: FloatArray) -> FloatArray:
     count = np.array([int((~right).sum()), int(right.sum())])
     target = np.where(right, (count[1] + 1) / (count[1] + 2), 1 / (count[0] + 2))
-    weight = np.where(right, 0.5 / count[1], 0.5 / count[0])
 
     def loss(x: FloatArray) -> tuple[float, FloatArray]:
         score = x[0] + table @ x[1:]
@@ -82,7 +93,9 @@ def _minimise(table: FloatArray, right: BoolArray) -> FloatArray:
 
     start = np.concatenate([[0.0], np.full(table.shape[1], 0.5)])
     bounds = [(None, None)] + [(0.0, None)] * table.shape[1]
-    result = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds)
+    # the loss of cases so well apart is tiny: SciPy's own limits would stop half way
+    limits = {"gtol": 1e-10, "ftol": 1e-15, "maxiter": 10_000, "maxfun": 20_000}
+    result = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options=limits)
     return np.asarray(result.x, dtype=np.float64)
 
 
@@ -91,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     given = parser.parse_args(arguments)
-    print(fit_probability(read_hard_motors(given.folder)))
+    sys.stdout.write(f"{fit_probability(read_hard_motors(given.folder))}\n")
 
 
 if __name__ == "__main__":

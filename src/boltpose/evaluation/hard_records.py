@@ -29,7 +29,7 @@ class HardCase:
     scene: str
     """What was done to the view, for example `hidden 90 %`."""
     pose: str
-    """Where the pose comes from: `located`, or the kind of near miss."""
+    """Where the pose comes from: `located`, or the kind of near miss, raw or refined."""
     size: float
     """mm or degrees by which a near miss was moved; 0 if located."""
     is_settled: bool
@@ -48,6 +48,24 @@ class HardCase:
         """True if a tool would miss a bolt: accepting this pose is a false accept."""
         return self.worst_bolt_mm > WRONG_MM or self.rotation_deg > WRONG_DEG
 
+    @property
+    def is_starved(self) -> bool:
+        """True if most of the motor is truly out of sight: there a refusal may well be right."""
+        return self.scene.split()[0] in ("hidden", "cut", "dropout")
+
+    @property
+    def kind(self) -> str:
+        """The group in which the case is counted: the scene, and in ordinary scenes the pose."""
+        if self.is_starved:
+            return (
+                f"{self.scene.split()[0]}: {'located' if self.pose == 'located' else 'near miss'}"
+            )
+        if self.scene in ("other size", "other family", "mirrored", "motor absent", "two motors"):
+            return self.scene
+        if self.scene.startswith("wrong unit"):
+            return "wrong unit"
+        return self.pose
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HardMotor:
@@ -60,6 +78,8 @@ class HardMotor:
     family: str
     is_chooser: bool
     """An even family: it chose weights and thresholds. The odd ones test."""
+    changes: tuple[tuple[int, tuple[str, ...]], ...]
+    """Per view, what happened to the motor after its full scan (factory)."""
     cases: tuple[HardCase, ...]
 
 
@@ -72,6 +92,7 @@ def write_hard_motor(path: Path, record: HardMotor) -> None:
         "motor": record.motor,
         "family": record.family,
         "is_chooser": record.is_chooser,
+        "changes": record.changes,
         "columns": [*_case_columns(), *_SCORES],
     }
     lines = [json.dumps(_row(case), separators=(",", ":")) for case in record.cases]
@@ -91,18 +112,21 @@ def read_hard_motor(path: Path) -> HardMotor:
     """
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-        if data["format"] != FORMAT or data["columns"] != [*_case_columns(), *_SCORES]:
-            raise InputFileError(path, f"format {data['format']}, other columns", FORMAT)
-        return HardMotor(
+        columns = data["columns"]
+        record = HardMotor(
             fingerprint=str(data["fingerprint"]),
             data_set=str(data["data_set"]),
             motor=str(data["motor"]),
             family=str(data["family"]),
             is_chooser=bool(data["is_chooser"]),
+            changes=tuple((int(view), tuple(names)) for view, names in data["changes"]),
             cases=tuple(_case(row) for row in data["cases"]),
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputFileError(path, str(error), "cases written by hard_run") from error
+    if columns != [*_case_columns(), *_SCORES]:
+        raise InputFileError(path, f"the columns {columns}", "those of today's evidence")
+    return record
 
 
 def read_hard_motors(folder: Path) -> tuple[HardMotor, ...]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import json
 import logging
 import multiprocessing
 from collections.abc import Sequence
@@ -27,7 +28,7 @@ from boltpose.errors import InputFileError
 from boltpose.evaluation.hard_cases import HardView, list_hard_cases
 from boltpose.evaluation.hard_records import HardMotor, read_hard_motor, write_hard_motor
 from boltpose.evaluation.hard_scenes import read_scene
-from boltpose.evaluation.reman18 import TrueMotor, list_motors, read_motor
+from boltpose.evaluation.reman18 import TrueMotor, TrueView, list_motors, read_motor
 from boltpose.evaluation.run import leave_out_folder
 from boltpose.io.scan import read_scan
 from boltpose.prior.build import BuildConfig, build_prior
@@ -49,8 +50,6 @@ _DECIDES = frozenset({"verify.py", "probability.py", "probability_config.py", "c
 """They judge what was measured, and the report asks them anew; settings count by their values."""
 FACTORY_MOTORS = 32
 """Two of each of the factory's 16 families."""
-FACTORY_VIEWS = (1, 2)
-"""Every view is clamped anew, and the motor may have changed since its scan."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,13 +154,13 @@ class _Bench:
     def measure(self, name: str, mark: str) -> HardMotor:
         """Measure every case of a motor."""
         motor = self._motors[name]
-        views = [view for view in motor.views if self._is_wanted(view.index)]
+        views = self._wanted_views(motor)
         cases = [
             case
             for view in views
             for case in list_hard_cases(
                 self._hard_view(motor, view.index),
-                is_thorough=(view.index % 2 == 0) != self._is_factory,
+                is_thorough=view.index % 2 == 0 and not self._is_factory,
             )
         ]
         return HardMotor(
@@ -170,13 +169,18 @@ class _Bench:
             motor=name,
             family=motor.family,
             is_chooser=self._families.index(motor.family) % 2 == 0,
+            changes=tuple((view.index, _changes(view)) for view in views),
             cases=tuple(cases),
         )
 
-    def _is_wanted(self, view: int) -> bool:
-        if self._request.views is not None:
-            return view in self._request.views
-        return not self._is_factory or view in FACTORY_VIEWS
+    def _wanted_views(self, motor: TrueMotor) -> list[TrueView]:
+        wanted = self._request.views
+        if wanted is not None:
+            return [view for view in motor.views if view.index in wanted]
+        if not self._is_factory:
+            return list(motor.views)
+        # every view is clamped anew: the one before which most has changed
+        return [max(motor.views, key=lambda view: (len(_changes(view)), -view.index))]
 
     def _hard_view(self, motor: TrueMotor, index: int) -> HardView:
         view = next(view for view in motor.views if view.index == index)
@@ -201,6 +205,13 @@ class _Bench:
 
     def _prepared(self, motor: TrueMotor) -> PreparedPrior:
         return _prepared(self._request, self._is_factory, motor.name, motor.family, motor.scan_path)
+
+
+def _changes(view: TrueView) -> tuple[str, ...]:
+    """Kinds of changes between the full scan and a view; reman18 states none."""
+    path = view.depth_path.parent.parent / "bolts.json"
+    found = json.loads(path.read_text(encoding="utf-8"))[str(view.index)].get("changes", [])
+    return tuple(sorted({str(change).split(":")[0] for change in found}))
 
 
 @lru_cache(maxsize=6)

@@ -350,8 +350,9 @@ class VerifyConfig:
     """Right: at least 0.986. Wrong: at most 0.967 (a mirrored scan: most of a motor is symmetric),
     0.933 (the same family in another size, of which little is in view), 0.87 (2.5 mm slid along
     the axis)."""
-    min_coverage: float = 0.8
-    """Right: at least 0.869; dropouts at grazing incidence and behind clamps cost the rest."""
+    min_coverage: float = 0.55
+    """Right: at least 0.869 on reman18, 0.63 in factory scenes (simulated): dropouts at grazing
+    incidence and jaws close before the motor cost the rest. No wrong pose fails by it alone."""
     min_judged_points: int = 2000
     """45 cm2 of surface. Right: at least 3939."""
     min_measured: float = 0.5

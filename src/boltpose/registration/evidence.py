@@ -53,8 +53,6 @@ class Evidence:
     """Share of the surface in free view on which scan points lie."""
     judged_points: int
     """Coarse prior points in free view with a measurement."""
-    grip_mm2: float
-    """Confirmed surface that feels the least well felt small motion."""
     measured: float
     """Share of the surface in free view in whose direction anything was measured."""
     margin: float
@@ -101,7 +99,6 @@ def gather_evidence(
         sunk=_sunk_share(near, pose, prepared, config),
         coverage=_coverage(near, prepared.coarse_points[judged].astype(np.float64), config),
         judged_points=int(judged.sum()),
-        grip_mm2=_grip_mm2(prepared, standing == Standing.CONFIRMED),
         measured=measured_share(standing),
         margin=registration.score - registration.runner_up_score,
         bolt_sigma_mm=bolt_sigma_mm(registration, prepared),
@@ -177,16 +174,6 @@ def _worst_region(points: FloatArray, is_tight: BoolArray, config: EvidenceConfi
     share = np.bincount(flat, weights=is_tight) / np.maximum(count, 1)
     big = count >= config.min_region_points
     return float(share[big].min()) if big.any() else float(is_tight.mean())
-
-
-def _grip_mm2(prepared: PreparedPrior, confirmed: BoolArray) -> float:
-    if not confirmed.any():
-        return 0.0
-    points = prepared.coarse_points[confirmed].astype(np.float64)
-    normals = prepared.coarse_normals[confirmed].astype(np.float64)
-    jacobian = _jacobian(points, normals, prepared.centre_mm)
-    smallest = float(np.linalg.eigvalsh(jacobian.T @ jacobian)[0])
-    return max(smallest, 0.0) * prepared.coarse_spacing_mm**2
 
 
 def _near_surface(pose: Transform, prepared: PreparedPrior, scene: Scene) -> FloatArray:

@@ -48,8 +48,8 @@ def features(evidence: Evidence) -> FloatArray:
     """Transform the numbers so that a step of one is a factor, and more is better.
 
     Returns:
-        Shape (9,), in the order of `FEATURES`: minus the logarithm of every share of misfit above
-        its floor, the logarithm of the rest.
+        Shape (7,), in the order of `FEATURES`: minus the logarithm of every share of misfit above
+        its floor, and the logarithm of the margin.
     """
     misfit = {
         "tight": 1.0 - evidence.tight,
@@ -60,7 +60,6 @@ def features(evidence: Evidence) -> FloatArray:
         "coverage": 1.0 - evidence.coverage,
     }
     values = {name: -math.log(share + _FLOORS[name]) for name, share in misfit.items()}
-    values["grip"] = math.log(max(evidence.grip_mm2, 1.0))
+    # ahead by more than 0.3 is ahead of everything that is not nearly the same pose
     values["margin"] = math.log(min(max(evidence.margin, 0.01), 0.3))
-    values["bolt_sigma"] = -math.log(max(evidence.bolt_sigma_mm, 0.1))
     return np.array([values[name] for name in FEATURES])

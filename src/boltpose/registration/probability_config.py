@@ -14,9 +14,7 @@ FEATURES = (
     "sunk",
     "free_space",
     "coverage",
-    "grip",
     "margin",
-    "bolt_sigma",
 )
 """Numbers that the probability rests on; each has a weight of the same name."""
 
@@ -32,9 +30,7 @@ class ProbabilityConfig:
     sunk: float = 0.354
     free_space: float = 0.0
     coverage: float = 0.0
-    grip: float = 0.00734
     margin: float = 0.21
-    bolt_sigma: float = 0.0
     highest: float = 0.999
     """Nobody may claim more."""
 

@@ -213,3 +213,22 @@ def test_the_head_is_what_is_labelled_a_bolt_around_the_axis() -> None:
 )
 def test_visibility_names(fraction: float, count: int, expected: Visibility) -> None:
     assert classify_visibility(fraction, count, VisibilityConfig()) is expected
+
+
+def test_a_right_pose_is_refused_where_more_certainty_is_wanted_than_there_is(scan, best) -> None:
+    points, is_motor = scan
+    config = VerifyConfig(min_p_correct=1.0)
+
+    verdict = verify(best, prepared_motor(), build_scene(points), points[is_motor], config)
+
+    assert verdict.failed == (Check.UNLIKELY,)
+    assert verdict.reasons[0].startswith("probability that the pose is right")
+    assert verdict.p_correct == verdict.scores["p_correct"] < 1.0
+
+
+def test_without_a_pose_nothing_is_likely(scan) -> None:
+    points, is_motor = scan
+
+    verdict = verify(None, prepared_motor(), build_scene(points), points[is_motor])
+
+    assert verdict.p_correct == 0.0
