@@ -177,14 +177,17 @@ class _Measurement:
         self._predictor = RememberingPredictor(models.scene)
 
     def run(self) -> tuple[VariantCase, ...]:
-        """Measure the smallest and the largest folder in all views, the others in the first."""
+        """Measure every folder in the first view; in all views the smallest and, if the motor is
+        in it, the largest.
+        """
         cases: list[VariantCase] = []
         for view in self._motor.views:
             scan = read_scan(view.depth_path)
             one_s = self._time_one_prior(scan, view)
             for (size, is_known), library in self._libraries.items():
-                is_end = size in (min(self._request.sizes), max(self._request.sizes))
-                if is_end or view is self._motor.views[0]:
+                sizes = self._request.sizes
+                is_whole = size == min(sizes) or (is_known and size == max(sizes))
+                if is_whole or view is self._motor.views[0]:
                     cases.append(self._measure(view, scan, library, is_known, one_s))
         return tuple(cases)
 
