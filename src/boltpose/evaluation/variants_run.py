@@ -177,8 +177,9 @@ class _Measurement:
         self._predictor = RememberingPredictor(models.scene)
 
     def run(self) -> tuple[VariantCase, ...]:
-        """Measure every folder in the first view; in all views the smallest and, if the motor is
-        in it, the largest.
+        """Measure every folder in the first view, some in all.
+
+        In all views: the smallest folder, and the largest if the motor is in it.
         """
         cases: list[VariantCase] = []
         for view in self._motor.views:
