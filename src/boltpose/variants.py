@@ -213,12 +213,15 @@ class _Search:
             return
         nearest = [int(row) for row in self._by_agreement() if int(row) != accepted.row]
         look_alikes = nearest[: self._variants.look_alikes]
-        self._measure(list(dict.fromkeys([*self._tries, *look_alikes])))
+        compared = list(dict.fromkeys([*self._tries, *look_alikes]))
+        self._measure(compared)
         limit = self._scores[accepted.row] - self._variants.min_lead
-        for row in look_alikes:
-            if self._scores[row] > limit and row not in self._tries:
-                self._register(row)
-                self._verdict(row)
+        near = [r for r in look_alikes if self._scores[r] > limit and r not in self._tries]
+        for row in near:
+            self._register(row)
+            self._verdict(row)
+        if near:
+            self._measure(compared)  # from their own poses
 
     def decide(self) -> tuple[_Try, Verdict]:
         """Choose the motor; refuse it unless it is accepted and clearly ahead of all others."""
@@ -261,6 +264,8 @@ class _Search:
 
     def scores(self, best: _Try) -> tuple[VariantScore, ...]:
         """All priors compared: the chosen one, then the others by score."""
+        if best.row not in self._scores:
+            return ()  # too few motor points to compare by
         others = sorted(
             (row for row in self._scores if row != best.row), key=lambda r: -self._scores[r]
         )
@@ -269,7 +274,7 @@ class _Search:
                 name=self._library.names[row],
                 status=self._verdict(row).status if row in self._tries else Status.REFUSED,
                 p_correct=self._p_correct(row),
-                score=self._scores.get(row, -np.inf),
+                score=self._scores[row],
             )
             for row in (best.row, *others)
         )
