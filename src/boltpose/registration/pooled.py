@@ -15,12 +15,10 @@ from boltpose.registration.evidence import EVIDENCE_NAMES, Evidence
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.scene import Scene, Standing, judge_surface
 
-BY_POINTS = ("explained", "tight", "weakest_tight", "sunk")
+BY_POINTS = ("explained", "tight", "weakest_tight", "worst_region", "sunk")
 """Shares of points: averaged by how many motor points a view has."""
 BY_SURFACE = ("free_space_violation", "coverage", "measured")
 """Shares of the surface: averaged by how much of it a view can judge."""
-LEAST = ("worst_region",)
-"""What is worst in one view is worst."""
 OF_ALL = ("motor_points", "judged_points", "margin", "bolt_sigma_mm", "converged")
 """Not to be had from the numbers of the views."""
 
@@ -77,9 +75,7 @@ def pool_evidence(
     }
     for name in EVIDENCE_NAMES:
         found = np.array([float(getattr(view.evidence, name)) for view in views])
-        if name in LEAST:
-            values[name] = float(found.min())
-        elif name in BY_POINTS:
+        if name in BY_POINTS:
             values[name] = _mean(found, [view.evidence.motor_points for view in views])
         elif name in BY_SURFACE:
             values[name] = _mean(found, [view.evidence.judged_points for view in views])
