@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,6 +28,7 @@ class PriorLibrary:
         sketches: Sequence[PriorSketch],
         read: Callable[[str], Prior],
         *,
+        paths: Mapping[str, Path] | None = None,
         config: ShortlistConfig | None = None,
         kept: int = 8,
     ) -> None:
@@ -36,6 +37,7 @@ class PriorLibrary:
         Args:
             sketches: One per motor, names all different.
             read: Returns the prior of a name.
+            paths: Files of the priors by name, where they have any.
             config: Settings of the shortlist.
             kept: So many prepared priors stay in memory, some 20 MB each.
 
@@ -47,6 +49,7 @@ class PriorLibrary:
             sorted(_with_unique_names(sketches), key=lambda sketch: sketch.name), self.config
         )
         self.names = tuple(sketch.name for sketch in self.index.sketches)
+        self.paths: Mapping[str, Path] = dict(paths or {})
         self._read = read
         self._kept = kept
         self._priors: OrderedDict[int, Prior] = OrderedDict()
@@ -75,7 +78,7 @@ class PriorLibrary:
                 have the same name.
         """
         shelf = open_prior_folder(folder)
-        return cls(shelf.sketches, shelf.read, config=config)
+        return cls(shelf.sketches, shelf.read, paths=shelf.paths, config=config)
 
     def __len__(self) -> int:
         return len(self.names)
