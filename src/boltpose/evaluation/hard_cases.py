@@ -14,6 +14,7 @@ from boltpose.evaluation.hard_poses import (
     NearMiss,
     list_few_misses,
     list_lookalikes,
+    list_mirror_poses,
     list_near_misses,
 )
 from boltpose.evaluation.hard_records import HardCase
@@ -71,13 +72,14 @@ def list_hard_cases(hard: HardView, *, is_thorough: bool) -> Iterator[HardCase]:
     Args:
         hard: The view.
         is_thorough: False keeps what the masks, the near misses and the wrong priors give and
-            leaves hidden, cut, thinned, doubled and mirrored scenes out.
+            leaves hidden, cut, thinned, doubled and empty scenes out.
 
     Yields:
         Cases, each with its truth and evidence.
     """
     yield from _cases_of_masks(hard)
     yield from _cases_of_other_priors(hard)
+    yield from _cases_of_mirrored_motor(hard)
     if is_thorough:
         yield from _cases_of_little_motor(hard)
         yield from _cases_without_motor(hard)
@@ -141,8 +143,13 @@ def _cases_of_other_priors(hard: HardView) -> Iterator[HardCase]:
             yield from judge.misses(starts)
 
 
+def _cases_of_mirrored_motor(hard: HardView) -> Iterator[HardCase]:
+    judge = _Judge(hard, "mirrored", hard_scenes.mirror(hard.scene))
+    yield from judge.located()
+    yield from judge.misses(list_mirror_poses(judge.pose_of(hard.scene), hard.prior_from_motor))
+
+
 def _cases_without_motor(hard: HardView) -> Iterator[HardCase]:
-    yield from _Judge(hard, "mirrored", hard_scenes.mirror(hard.scene)).located()
     empty = hard_scenes.take_motor_out(hard.scene, _rng(hard, 8))
     judge = _Judge(hard, "motor absent", empty)
     yield from judge.located()

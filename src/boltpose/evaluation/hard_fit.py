@@ -1,6 +1,6 @@
 """Fit the weights of the verdict's probability on the even families.
 
-    python -m boltpose.evaluation.hard_fit results/verdict     # prints `ProbabilityConfig(...)`
+    python -m boltpose.evaluation.hard_fit results/verdict     # prints weights and threshold
 
 The printed values belong into `registration/probability_config.py`; nothing is written.
 """
@@ -8,6 +8,7 @@ The printed values belong into `registration/probability_config.py`; nothing is 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections import Counter
 from collections.abc import Sequence
@@ -20,7 +21,8 @@ from scipy.optimize import minimize
 from boltpose.arrays import BoolArray, FloatArray
 from boltpose.errors import EmptyScanError
 from boltpose.evaluation.hard_records import HardCase, HardMotor, read_hard_motors
-from boltpose.registration.probability import features
+from boltpose.registration.config import VerifyConfig
+from boltpose.registration.probability import features, probability_correct
 from boltpose.registration.probability_config import FEATURES, ProbabilityConfig
 
 RIDGE = 1e-3
@@ -56,7 +58,13 @@ def fit_probability(motors: Sequence[HardMotor]) -> ProbabilityConfig:
     Source:
         Platt 1999, with his targets (N+ + 1) / (N+ + 2) and 1 / (N- + 2) against overconfidence.
     """
-    cases = [c for motor in motors if motor.is_chooser for c in motor.cases if is_judged(c)]
+    cases = [
+        case
+        for motor in motors
+        if motor.is_chooser
+        for case in motor.cases
+        if is_judged(case) and _is_held(case)
+    ]
     right = np.array([not case.is_wrong for case in cases])
     if not right.any() or right.all():
         raise EmptyScanError("a fit needs right and wrong cases of even families")
@@ -68,6 +76,37 @@ def fit_probability(motors: Sequence[HardMotor]) -> ProbabilityConfig:
     bias = float(solution[0] - weights @ mean)
     found = {name: float(f"{w:.3g}") for name, w in zip(FEATURES, weights, strict=True)}
     return replace(ProbabilityConfig(), bias=float(f"{bias:.4g}"), **found)
+
+
+def choose_threshold(motors: Sequence[HardMotor], config: ProbabilityConfig) -> float:
+    """Put the threshold in the middle, in log odds, between wrong and good poses of even families.
+
+    Between the highest probability of a wrong pose and the 1 % point of the good ones of motors
+    that are sufficiently in view, rounded down to a twentieth.
+
+    Args:
+        motors: Records; only choosers are used.
+        config: Fitted weights.
+    """
+    stated = [
+        (probability_correct(case.evidence, config), case)
+        for motor in motors
+        if motor.is_chooser
+        for case in motor.cases
+        if case.evidence is not None and is_judged(case)
+    ]
+    highest = max(p for p, case in stated if case.is_wrong)
+    good = [p for p, case in stated if not case.is_wrong and not case.is_starved]
+    lowest = float(np.quantile(good, 0.01))
+    odds = math.sqrt(highest / (1.0 - highest) * lowest / (1.0 - lowest))
+    return math.floor(20.0 * odds / (1.0 + odds)) / 20.0
+
+
+def _is_held(case: HardCase) -> bool:
+    """Leave out poses that the points do not hold: their covariance speaks, not their fit."""
+    return case.evidence is not None and (
+        case.evidence.bolt_sigma_mm <= VerifyConfig().max_bolt_sigma_mm
+    )
 
 
 def _weights(cases: Sequence[HardCase], right: BoolArray) -> FloatArray:
@@ -104,7 +143,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path)
     given = parser.parse_args(arguments)
-    sys.stdout.write(f"{fit_probability(read_hard_motors(given.folder))}\n")
+    motors = read_hard_motors(given.folder)
+    config = fit_probability(motors)
+    sys.stdout.write(f"{config}\nmin_p_correct={choose_threshold(motors, config)}\n")
 
 
 if __name__ == "__main__":

@@ -62,9 +62,9 @@ def list_lookalikes(truth: Transform, prepared: PreparedPrior) -> Iterator[NearM
         yield mover.miss("slid", size, shift=size * axis, is_refined=True)
     for size in REFINED_ROLLS_DEG:
         yield mover.miss("rolled", float(size), turn_deg=size * axis, is_refined=True)
-    across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
-    across /= np.linalg.norm(across)
-    for flip in (across, np.cross(axis, across)):
+    # half turns about two directions across the axis, as its own frame gives them
+    rotation = prepared.prior.alignment.prior_from_motor.rotation
+    for flip in (rotation[:, 0], rotation[:, 1]):
         yield mover.miss("flipped", 180.0, turn_deg=180.0 * flip, is_refined=True)
 
 
@@ -83,6 +83,29 @@ def list_few_misses(
     yield mover.miss("slid", 10.0, shift=10.0 * axis, is_refined=True)
     for size in (10.0, 120.0):
         yield mover.miss("rolled", size, turn_deg=size * axis, is_refined=True)
+
+
+def list_mirror_poses(truth: Transform, prior_from_motor: Transform) -> Iterator[NearMiss]:
+    """Yield where a mirrored motor looks most like the prior: turned as if it had been symmetric.
+
+    The view is mirrored left to right, and the motor once more in each plane of its own frame;
+    two mirrors are a motion again. A motor that is symmetric in that plane would fit perfectly.
+    """
+    across_view = np.diag([-1.0, 1.0, 1.0])
+    origin = prior_from_motor.translation_mm
+    for number, name in enumerate("xyz"):
+        normal = prior_from_motor.rotation[:, number]
+        reflection = np.eye(3) - 2.0 * np.outer(normal, normal)
+        rotation = across_view @ truth.rotation @ reflection
+        shift = truth.rotation @ (2.0 * float(normal @ origin) * normal) + truth.translation_mm
+        yield NearMiss(
+            kind=f"mirrored in {name}",
+            size=0.0,
+            is_refined=True,
+            camera_from_prior=Transform.from_parts(
+                "camera", "prior", rotation, across_view @ shift
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

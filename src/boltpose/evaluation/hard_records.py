@@ -157,8 +157,11 @@ def _case(row: Sequence[Any]) -> HardCase:
     scores = row[len(columns) :]
     evidence = None
     if scores:
-        found: dict[str, Any] = dict(zip(_SCORES, scores, strict=True))
-        evidence = Evidence(**{k: math.nan if v is None else v for k, v in found.items()})
+        found: dict[str, Any] = {
+            name: math.nan if value is None else value
+            for name, value in zip(_SCORES, scores, strict=True)
+        }
+        evidence = Evidence(**found)
     for name in ("worst_bolt_mm", "rotation_deg"):
         values[name] = math.inf if values[name] is None else float(values[name])
     return HardCase(**values, evidence=evidence)

@@ -105,7 +105,8 @@ def hide(scene: HardScene, share: float, rng: np.random.Generator) -> HardScene:
     direction = np.array([np.cos(angle), np.sin(angle)])
     height = np.argwhere(scene.is_motor) @ direction
     edge = np.quantile(height, 1 - share)
-    grid = np.stack(np.indices(scene.depth_mm.shape), axis=-1) @ direction
+    rows, columns = np.indices(scene.depth_mm.shape, dtype=np.float64)
+    grid = rows * direction[0] + columns * direction[1]
     plate = scene.depth_mm[scene.is_motor].min() - _PLATE_AHEAD_MM
     # only around the motor: a plate over the whole image would be another median depth
     near = grid < height.max() + 40

@@ -10,6 +10,8 @@ from boltpose.arrays import FloatArray
 from boltpose.registration.evidence import Evidence
 from boltpose.registration.probability_config import FEATURES, ProbabilityConfig
 
+_LIMIT_MM = 2.0
+"""A bolt farther off makes a pose wrong."""
 _FLOORS = {
     "tight": 0.002,
     "weakest_tight": 0.005,
@@ -24,6 +26,9 @@ _FLOORS = {
 def probability_correct(evidence: Evidence, config: ProbabilityConfig | None = None) -> float:
     """Probability that every bolt is at most 2 mm and 2 degrees off.
 
+    A pose can be wrong in two ways: the scan does not fit it, which a logistic of the features
+    tells, or what fits does not hold it, which its covariance tells. Both must be right.
+
     Args:
         evidence: What the scan says about the pose.
         config: Weights.
@@ -34,14 +39,17 @@ def probability_correct(evidence: Evidence, config: ProbabilityConfig | None = N
     Source:
         Platt, "Probabilistic outputs for support vector machines", in Advances in Large Margin
         Classifiers, 1999: a logistic of a score; here of several, with weights that cannot be
-        negative, and an upper bound.
+        negative, times the probability of an error below 2 mm, and an upper bound.
     """
     config = config or ProbabilityConfig()
     weights = np.array([getattr(config, name) for name in FEATURES])
     score = config.bias + float(weights @ features(evidence))
-    if not math.isfinite(score):
+    sigma_mm = config.sigma_factor * evidence.bolt_sigma_mm
+    if not (math.isfinite(score) and math.isfinite(sigma_mm)):
         return 0.0
-    return min(config.highest, 1.0 / (1.0 + math.exp(-min(max(score, -500.0), 500.0))))
+    fits = 1.0 / (1.0 + math.exp(-min(max(score, -500.0), 500.0)))
+    is_held = math.erf(_LIMIT_MM / (math.sqrt(2.0) * max(sigma_mm, 1e-9)))
+    return min(config.highest, fits * is_held)
 
 
 def features(evidence: Evidence) -> FloatArray:

@@ -86,13 +86,15 @@ def decide(evidence: Evidence, config: VerifyConfig) -> Verdict:
     """Hold the numbers of a pose against the thresholds, each alone and all together."""
     p_correct = probability_correct(evidence, config.probability)
     rules = _rules(evidence, config)
+    # where a single number already says why, that all together say so too helps nobody
+    is_told = not all(rule.is_met for rule in rules)
     rules.append(
         _Rule(
             Check.UNLIKELY,
             "p_correct",
             p_correct,
             config.min_p_correct,
-            p_correct >= config.min_p_correct,
+            is_told or p_correct >= config.min_p_correct,
             f"probability that the pose is right, from all numbers together: {p_correct:.3g}, "
             f"wanted at least {config.min_p_correct:.3g}",
         )
