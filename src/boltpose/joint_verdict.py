@@ -15,6 +15,7 @@ from boltpose.registration.pooled import pool_evidence
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.verify import decide
 from boltpose.schema import Check, Registration, Status, Verdict
+from boltpose.view import register_again
 
 
 def decide_jointly(
@@ -50,7 +51,7 @@ def decide_jointly(
     verdict = decide(evidence, config.verification)
     scores, thresholds = dict(verdict.scores), dict(verdict.thresholds)
     found = _judge_distances(fusion, joint)
-    p_correct = 0.0 if found else verdict.p_correct
+    p_correct = verdict.p_correct
     if fusion.fused is not None and fusion.fused.worst is not None:
         scores["views_apart_sigmas"] = fusion.fused.worst.distance_sigmas
         thresholds["views_apart_sigmas"] = joint.max_distance_sigmas
@@ -63,6 +64,10 @@ def decide_jointly(
         found += [(check, f"{source}: {sentence}") for check, sentence in against]
         if against:
             p_correct = min(p_correct, one.verdict.p_correct)
+    # the most telling first: where the motor is in two places, no view fits the pose either
+    found.sort(key=lambda pair: pair[0] is not Check.VIEWS_DISAGREE)
+    if found and found[0][0] is Check.VIEWS_DISAGREE:
+        p_correct = 0.0
     return replace(
         verdict,
         status=Status.REFUSED if found else verdict.status,
@@ -140,6 +145,7 @@ def _stands_elsewhere(
     best = one.seen.candidates[0]
     if is_near(best.camera_from_prior, pose, prepared, config):
         return []
+    best = register_again(best, one.seen.view, prepared, config)
     evidence = gather_evidence(
         best,
         prepared,

@@ -56,9 +56,9 @@ def list_cases(count: int) -> tuple[Case, ...]:
     ends = list(dict.fromkeys([growing[0], growing[-1]]))
     cases = [Case(kind=Kind.AS_IS, views=views) for views in [*singles, *growing]]
     cases += [Case(kind=Kind.HIDDEN, views=views) for views in [*singles, *ends]]
-    for kind in (Kind.SHIFT_HALF, Kind.SHIFT_ONE):
+    for kind in (Kind.SHIFT_HALF, Kind.SHIFT_ONE, Kind.TURN):
         cases.append(Case(kind=kind, views=ends[0]))
-    for kind in (Kind.SHIFT_TWO, Kind.TURN, Kind.MOVED):
+    for kind in (Kind.SHIFT_TWO, Kind.MOVED):
         cases += [Case(kind=kind, views=views) for views in ends]
     return tuple(cases)
 
@@ -121,6 +121,11 @@ def hide(scan: Scan, is_motor: BoolArray, rng: np.random.Generator) -> Scan:
     distance = _OCCLUDER_AT * float(np.median(points[is_motor, 2]))
     points[behind] *= distance / points[behind, 2:]
     return _with_points(scan, points)
+
+
+def still_seen(before: Shot, after: Shot, is_motor: BoolArray) -> BoolArray:
+    """Which points of a shot are on the motor after something was put before it, shape (N,)."""
+    return is_motor & (before.scan.points == after.scan.points).all(axis=1)
 
 
 def _with_points(scan: Scan, points: FloatArray) -> Scan:

@@ -38,8 +38,8 @@ Simulated: fresh motors of the factory (a seed nothing was trained on), each in 
 one camera from four places 20 to 100 degrees apart; its scale error, bias, ripple and warp are the
 same in all shots, so nothing is averaged away that a real camera would keep. Priors from the true
 labels of the full scans; masks by the shipped scene network, trained on other motors of the same
-factory. One view is `locate`, more are `locate_views`. Errors are those of the pose in `base`, also
-of refused ones."""
+factory, but true masks where the motor is hidden. One view is `locate`, more are `locate_views`.
+Errors are those of the pose in `base`, also of refused ones."""
 
 
 def sections(results: Path) -> list[str]:
