@@ -148,9 +148,7 @@ def _true_head(
     distance = np.linalg.norm(tops - bolt.prior_from_bolt.translation_mm, axis=1)
     row = int(np.argmin(distance))
     if distance[row] > SAME_BOLT_MM:
-        return TrueHead(
-            bolt_id=bolt.id, fate=Fate.FALSE, visible_before=0.0, visible_after=0.0
-        )
+        return TrueHead(bolt_id=bolt.id, fate=Fate.FALSE, visible_before=0.0, visible_after=0.0)
     old, new = scanned[row], now[row]
     fate = Fate.KEPT
     if not new.get("present", True):

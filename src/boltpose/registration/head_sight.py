@@ -53,12 +53,12 @@ class BoltStateConfig:
     """The same as a share of the head's points, for a head to be confirmed."""
     min_missing_share: float = 0.05
     """The same for a head to be missing: of one seen from the side little is left to miss."""
-    through_share: float = 0.3
+    through_share: float = 0.25
     """If the camera saw through that much of what it could see of a head, it is not there. Heads
-    that are there reach 0.20."""
-    proud_share: float = 0.4
+    that are there reach 0.15."""
+    proud_share: float = 0.32
     """If so much of the surface in a head's place is no surface of the prior, it is another head.
-    Heads that are there reach 0.31, under grease and straps."""
+    Heads that are there reach 0.22, under grease and straps."""
     proud_height_mm: float = 5.0
     """Up to this much above the old head's face a surface may be another head's."""
     max_around_share: float = 0.35
@@ -267,7 +267,7 @@ def _follow(
     met = depth[np.minimum(rows, len(depth) - 1)]
     # how far behind the head's surface, along its normal, the line of sight ends
     behind = (met / head.depth[:, None] - 1.0) * head.normal_per_depth[:, None]
-    measured = is_met.any(axis=1)
+    measured = np.isfinite(np.where(is_met, behind, np.inf).min(axis=1))
     nearest = np.where(is_met, np.abs(behind), np.inf).min(axis=1)
     least = np.where(is_met, behind, np.inf).min(axis=1)
     through = measured & (least > config.tolerance_mm)

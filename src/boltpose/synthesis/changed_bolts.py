@@ -14,11 +14,12 @@ from __future__ import annotations
 import argparse
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from boltpose.factory.changes import ChangeRates, draw_changes
 from boltpose.factory.families import FAMILIES
@@ -36,7 +37,6 @@ from boltpose.sensor.structured_light_config import sample_structured_light
 from boltpose.synthesis.head_surface import sample_outer_head, seen_share
 from boltpose.synthesis.motors import ScannedMotor, scan_sampled_motor
 from boltpose.synthesis.retry import draw_until_built
-from boltpose.synthesis.run import run_single_threaded
 from boltpose.synthesis.sample import motor_files
 from boltpose.synthesis.seeds import Purpose, generator
 from boltpose.synthesis.settings import DataSetSettings, Kind
@@ -93,13 +93,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         names = {sample_name(2 * number), sample_name(2 * number + 1)}
         if names <= finished_samples(given.output):
             continue
-
-        def make(k: int) -> Sample:
-            for sample in make_changed_pair(settings, k):
+        with threadpool_limits(1):
+            for sample in make_changed_pair(settings, number):
                 write_sample(given.output, sample)
-            return sample
-
-        run_single_threaded(make, number)
         _log.info("%s", " ".join(sorted(names)))
 
 
@@ -124,32 +120,28 @@ def make_changed_pair(settings: DataSetSettings, number: int) -> tuple[Sample, S
     return (
         _sample(settings, 2 * number, (built, after), shots, changes),
         _sample(
-            settings, 2 * number + 1, (after, built), [_swapped(shot) for shot in shots], changes
+            settings, 2 * number + 1, (after, built), [shot.swapped() for shot in shots], changes
         ),
     )
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Shot:
     """One clamping: the scenes with either motor, and what the camera saw of them."""
 
-    def __init__(
-        self,
-        scenes: tuple[SceneModel, SceneModel],
-        captured: tuple[CapturedView, CapturedView],
-        table_from_camera: Transform,
-    ) -> None:
-        self.scenes = scenes
-        self.captured = captured
-        self.table_from_camera = table_from_camera
+    scenes: tuple[SceneModel, SceneModel]
+    captured: tuple[CapturedView, CapturedView]
+    table_from_camera: Transform
+
+    def swapped(self) -> _Shot:
+        return replace(
+            self,
+            scenes=(self.scenes[1], self.scenes[0]),
+            captured=(self.captured[1], self.captured[0]),
+        )
 
 
-def _swapped(shot: _Shot) -> _Shot:
-    return _Shot(shot.scenes[::-1], shot.captured[::-1], shot.table_from_camera)
-
-
-def _shoot(
-    settings: DataSetSettings, built: ScannedMotor, after: ScannedMotor, view: int
-) -> _Shot:
+def _shoot(settings: DataSetSettings, built: ScannedMotor, after: ScannedMotor, view: int) -> _Shot:
     number = built.number
 
     def draw(attempt: int) -> _Shot:
@@ -172,7 +164,11 @@ def _shoot(
             sensor_rng.bit_generator.state = state
             return capture_view(RayCaster(scene.solids), table_from_camera, config, sensor_rng)
 
-        return _Shot(scenes, (capture(scenes[0]), capture(scenes[1])), table_from_camera)
+        return _Shot(
+            scenes=scenes,
+            captured=(capture(scenes[0]), capture(scenes[1])),
+            table_from_camera=table_from_camera,
+        )
 
     return draw_until_built(f"{sample_name(number)} view {view}", draw).result
 
@@ -205,7 +201,7 @@ def _sample(
 ) -> Sample:
     """The folder of one motor: its full scan, and every clamping with it and with the other."""
     scanned = replace(motors[0], number=number)
-    files = motor_files(replace_families(settings, motors[0].number, number), scanned)
+    files = motor_files(_with_family(settings, motors[0].number, number), scanned)
     cameras: dict[str, Any] = {}
     scenes: dict[str, Any] = {}
     bolts: dict[str, Any] = {}
@@ -231,9 +227,9 @@ def _sample(
                         scanned=bolt,
                         clamped=partner,
                         head_centroid=(partner or bolt).head_centre,
-                        seen=seen[partner.id] if partner else SeenBolt(
-                            visible_fraction=0.0, pixel_count=0
-                        ),
+                        seen=seen[partner.id]
+                        if partner
+                        else SeenBolt(visible_fraction=0.0, pixel_count=0),
                     )
                     for bolt, partner in zip(scanned.model.bolts, partners, strict=True)
                 ],
@@ -263,9 +259,7 @@ def _sample(
                     name=f"depth/{index:06d}.png",
                     data=depth_png_bytes(captured.depth_mm, _SCALE_MM),
                 ),
-                SampleFile(
-                    name=f"label/{index:06d}.png", data=label_png_bytes(captured.labels)
-                ),
+                SampleFile(name=f"label/{index:06d}.png", data=label_png_bytes(captured.labels)),
                 SampleFile(
                     name=f"hand_eye/{index:06d}.yaml",
                     data=hand_eye_bytes(base_from_camera.matrix),
@@ -279,7 +273,7 @@ def _sample(
     return Sample(name=sample_name(number), files=tuple(files))
 
 
-def replace_families(settings: DataSetSettings, number: int, other: int) -> DataSetSettings:
+def _with_family(settings: DataSetSettings, number: int, other: int) -> DataSetSettings:
     """Settings in which sample `other` is of the family that sample `number` has here."""
     count = len(settings.families)
     family = settings.family_of(number)
