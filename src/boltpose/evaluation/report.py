@@ -55,6 +55,7 @@ def render_report(
     study: str = "",
     priors: str = "",
     calibration: str = "",
+    trust: Sequence[str] = (),
 ) -> str:
     """Write the results as Markdown.
 
@@ -65,6 +66,7 @@ def render_report(
         study: Section on the paper's study of networks, Markdown; left out if empty.
         priors: Section on bolts found with other networks, Markdown; left out if empty.
         calibration: Section on what the probabilities are worth; left out if empty.
+        trust: Sections, with their headings, on what a pose may be trusted with.
 
     Returns:
         The text of `docs/results.md`.
@@ -121,6 +123,7 @@ def render_report(
         tables.time_table(prior_calls),
         f"Peak memory of the process: {peak:.0f} MB after priors and views, {peak_all:.0f} MB with "
         "the must-be-refused set.",
+        *trust,
         *(["## Other networks: bolts of the priors", priors] if priors else []),
         *(["## Calibration", calibration] if calibration else []),
         *(["## Scans no one here made", foreign] if foreign else []),
