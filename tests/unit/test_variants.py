@@ -144,5 +144,7 @@ def test_wrong_arguments_are_named(scan: Scan, priors: list[Prior]) -> None:
         locate_variant(scan, priors, Transform.identity("camera", "base"), InFront())
     with pytest.raises(ConfigError, match="full_tries must be >= 1, got 0"):
         VariantConfig(full_tries=0)
+    with pytest.raises(ConfigError, match=r"min_agreement must be in \(0, 1\), got 0"):
+        VariantConfig(min_agreement=0)
     with pytest.raises(ConfigError, match=r"min_lead must be in \(0, 1\), got 1"):
         VariantConfig(min_lead=1)

@@ -71,6 +71,7 @@ class VariantRequest:
     priors: Path
     out: Path
     sizes: tuple[int, ...] = SIZES
+    views: tuple[int, ...] | None = None
 
 
 class RememberingPredictor:
@@ -107,6 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--priors", type=Path, default=Path("runs/variants/priors"))
     parser.add_argument("-o", "--output", type=Path, default=Path("results/variants"))
     parser.add_argument("--motors", nargs="*", help="only these")
+    parser.add_argument("--views", type=int, nargs="*", help="only these")
     parser.add_argument("--sizes", type=int, nargs="*", default=SIZES)
     given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
@@ -117,6 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         priors=given.priors,
         out=given.output,
         sizes=tuple(given.sizes),
+        views=None if given.views is None else tuple(given.views),
     )
     measure_variants(request, motors=given.motors)
 
@@ -183,6 +186,8 @@ class _Measurement:
         """
         cases: list[VariantCase] = []
         for view in self._motor.views:
+            if self._request.views is not None and view.index not in self._request.views:
+                continue
             scan = read_scan(view.depth_path)
             one_s = self._time_one_prior(scan, view)
             for (size, is_known), library in self._libraries.items():
@@ -212,6 +217,7 @@ class _Measurement:
         cpu_s = time.process_time() - start
         if self._predictor.is_remembered:
             cpu_s += self._predictor.cpu_s
+        library.forget()  # there are eight of them
         search = result.provenance["variants"]
         return VariantCase(
             view=view.index,
@@ -267,7 +273,7 @@ def _factory_priors(request: VariantRequest, count: int) -> list[Path]:
 
 
 def _fingerprint(request: VariantRequest) -> str:
-    digest = hashlib.sha256(f"{FORMAT} {request.sizes}".encode())
+    digest = hashlib.sha256(f"{FORMAT} {request.sizes} {request.views}".encode())
     for pattern in _SOURCES:
         for path in sorted(_PACKAGE.glob(pattern)):
             digest.update(path.read_bytes())
