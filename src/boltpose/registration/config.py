@@ -312,11 +312,6 @@ class EvidenceConfig:
     sunk_reach_mm: float = 3.0
     """Scan points farther from the surface are not looked at for that: beyond a thin wall it is
     unclear what is inside."""
-    region_mm: float = 25.0
-    """Edge of the cubes that are judged apart: about the size of a bolt with its boss, so that a
-    lost bolt spoils one or two, and a wrong pose most of them."""
-    min_region_points: int = 40
-    """Fewer sampled points in a cube say nothing."""
     sample_points: int = 10_000
     """Points looked at, by stride: shares are then known to about 0.001."""
 
@@ -362,9 +357,9 @@ class VerifyConfig:
     max_bolt_sigma_mm: float = 0.5
     """Right: at most 0.126, nearly all of it the camera's depth bias. Above it a bolt may stand
     1 mm beside its place without any residual."""
-    min_p_correct: float = 0.65
-    """Half way, in log odds, between the most likely wrong pose of the even families (0.57, with
-    95 % of the motor hidden) and the 1 % point of their good ones (0.72)."""
+    min_p_correct: float = 0.6
+    """Half way, in log odds and rounded down, between the most likely wrong pose of the even
+    families (0.57, with 95 % of the motor hidden) and the 1 % point of their good ones (0.71)."""
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
 

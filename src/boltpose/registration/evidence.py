@@ -44,8 +44,6 @@ class Evidence:
     weakest_tight: float
     """The same share, each point counted by how much it would feel the motion that is felt least
     well by all points together: of the six independent small motions the one with the lowest."""
-    worst_region: float
-    """The same share where it is lowest, over 25 mm cubes of the motor."""
     sunk: float
     """Share of all scan points within 3 mm of the surface that lie clearly inside the motor, where
     nothing can be measured."""
@@ -95,7 +93,6 @@ def gather_evidence(
         explained=fit.explained,
         tight=fit.tight,
         weakest_tight=fit.weakest_tight,
-        worst_region=fit.worst_region,
         sunk=_sunk_share(near, pose, prepared, config),
         coverage=_coverage(near, prepared.coarse_points[judged].astype(np.float64), config),
         judged_points=int(judged.sum()),
@@ -125,7 +122,6 @@ class _Fit:
     explained: float = 0.0
     tight: float = 0.0
     weakest_tight: float = 0.0
-    worst_region: float = 0.0
 
 
 def _fit_of_points(
@@ -156,24 +152,12 @@ def _fit_of_points(
         explained=float(facing.sum() / len(sample)),
         tight=float(is_tight.mean()),
         weakest_tight=float((is_tight @ felt / np.maximum(felt.sum(axis=0), 1e-12)).min()),
-        worst_region=_worst_region(points[judged], is_tight, config),
     )
 
 
 def _jacobian(points: FloatArray, normals: FloatArray, centre: FloatArray) -> FloatArray:
     """How far, (N, 6), every point's plane residual moves under six small motions of 1 mm."""
     return np.hstack([np.cross((points - centre) / _LEVER_MM, normals), normals])
-
-
-def _worst_region(points: FloatArray, is_tight: BoolArray, config: EvidenceConfig) -> float:
-    cells = np.floor(points / config.region_mm).astype(np.int64)
-    cells -= cells.min(axis=0)
-    size = cells.max(axis=0) + 1
-    flat = (cells[:, 0] * size[1] + cells[:, 1]) * size[2] + cells[:, 2]
-    count = np.bincount(flat)
-    share = np.bincount(flat, weights=is_tight) / np.maximum(count, 1)
-    big = count >= config.min_region_points
-    return float(share[big].min()) if big.any() else float(is_tight.mean())
 
 
 def _near_surface(pose: Transform, prepared: PreparedPrior, scene: Scene) -> FloatArray:

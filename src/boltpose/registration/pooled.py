@@ -15,7 +15,7 @@ from boltpose.registration.evidence import EVIDENCE_NAMES, Evidence
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.scene import Scene, Standing, judge_surface
 
-BY_POINTS = ("explained", "tight", "weakest_tight", "worst_region", "sunk")
+BY_POINTS = ("explained", "tight", "weakest_tight", "sunk")
 """Shares of points: averaged by how many motor points a view has."""
 BY_SURFACE = ("free_space_violation", "coverage", "measured")
 """Shares of the surface: averaged by how much of it a view can judge."""

@@ -15,7 +15,6 @@ _LIMIT_MM = 2.0
 _FLOORS = {
     "tight": 0.002,
     "weakest_tight": 0.005,
-    "worst_region": 0.02,
     "sunk": 0.001,
     "free_space": 0.0005,
     "coverage": 0.02,
@@ -56,13 +55,12 @@ def features(evidence: Evidence) -> FloatArray:
     """Transform the numbers so that a step of one is a factor, and more is better.
 
     Returns:
-        Shape (7,), in the order of `FEATURES`: minus the logarithm of every share of misfit above
+        Shape (6,), in the order of `FEATURES`: minus the logarithm of every share of misfit above
         its floor, and the logarithm of the margin.
     """
     misfit = {
         "tight": 1.0 - evidence.tight,
         "weakest_tight": 1.0 - evidence.weakest_tight,
-        "worst_region": 1.0 - evidence.worst_region,
         "sunk": evidence.sunk,
         "free_space": evidence.free_space_violation,
         "coverage": 1.0 - evidence.coverage,

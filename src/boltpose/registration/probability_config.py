@@ -10,7 +10,6 @@ from boltpose.errors import ConfigError
 FEATURES = (
     "tight",
     "weakest_tight",
-    "worst_region",
     "sunk",
     "free_space",
     "coverage",
@@ -27,14 +26,13 @@ class ProbabilityConfig:
     `python -m boltpose.evaluation.hard_fit results/verdict`, which prints them.
     """
 
-    bias: float = -11.71
-    tight: float = 0.724
-    weakest_tight: float = 1.48
-    worst_region: float = 0.616
-    sunk: float = 0.415
-    free_space: float = 0.43
-    coverage: float = 0.276
-    margin: float = 0.167
+    bias: float = -11.98
+    tight: float = 0.942
+    weakest_tight: float = 1.53
+    sunk: float = 0.508
+    free_space: float = 0.423
+    coverage: float = 0.36
+    margin: float = 0.252
     sigma_factor: float = 3.0
     """The true error is taken for this much larger than the stated 1 sigma of a bolt. On even
     families with 80 to 95 % of the motor hidden it was up to 2.0 times the sigma, and 7 times in

@@ -57,7 +57,6 @@ def evidence(quality: float) -> Evidence:
         explained=0.99,
         tight=quality,
         weakest_tight=quality,
-        worst_region=quality,
         sunk=0.05 * (1.0 - quality),
         coverage=0.9,
         judged_points=8000,

@@ -16,7 +16,6 @@ GOOD = Evidence(
     explained=0.99,
     tight=0.996,
     weakest_tight=0.99,
-    worst_region=0.95,
     sunk=0.0005,
     coverage=0.93,
     judged_points=8000,
@@ -25,7 +24,7 @@ GOOD = Evidence(
     bolt_sigma_mm=0.12,
     converged=True,
 )
-MORE_IS_BETTER = ("tight", "weakest_tight", "worst_region", "coverage", "margin")
+MORE_IS_BETTER = ("tight", "weakest_tight", "coverage", "margin")
 LESS_IS_BETTER = ("free_space_violation", "sunk")
 shares = st.floats(0.0, 1.0)
 
@@ -52,7 +51,7 @@ def test_nobody_claims_certainty(evidence: Evidence) -> None:
 
 
 def test_the_shipped_weights_tell_a_good_pose_from_a_slid_one() -> None:
-    slid = replace(GOOD, tight=0.83, weakest_tight=0.27, worst_region=0.15, coverage=0.68)
+    slid = replace(GOOD, tight=0.83, weakest_tight=0.27, coverage=0.68)
 
     assert probability_correct(GOOD) > 0.9
     assert probability_correct(slid) < 0.1
