@@ -56,7 +56,7 @@ _SOURCES = (
     "segmentation/*.py",
     "view.py",
     "locate*.py",
-    "variants.py",
+    "variant*.py",
     "evaluation/variants_run.py",
 )
 

@@ -3,49 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import KDTree
 
-from boltpose.arrays import BoolArray, Float32Array, FloatArray, IntArray, freeze
+from boltpose.arrays import Float32Array, FloatArray, IntArray, freeze
 from boltpose.errors import ConfigError
 from boltpose.geometry.normals import estimate_normals, orient_towards
 from boltpose.geometry.point_pairs import pair_histogram
 from boltpose.geometry.sampling import voxel_downsample, voxel_representatives
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.sketch import SKETCH_SPACING_MM, PriorSketch
-from boltpose.registration.batch import PoseBatch, join_batches, rotations_from_vectors
+from boltpose.registration.align_many import AlignRound, Surfaces, join_surfaces, settle
+from boltpose.registration.batch import PoseBatch, join_batches
 from boltpose.schema import Prior
-
-_APART_MM = 5000.0
-"""Sketches lie this far from each other in the common search tree: none meets its neighbour."""
-_LEVER_MM = 50.0
-"""Rotations are solved for as millimetres at this distance, as in the coarse stage."""
-_DAMPING = 1e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlignRound:
-    """One round of aligning many priors at once."""
-
-    points: int
-    """Motor points."""
-    steps: int
-    distance_mm: tuple[float, float]
-    """Largest pair distance in the first and the last step."""
-    tolerance_mm: float
-    """A point's agreement falls to 0 at this plane residual."""
-
-    def __post_init__(self) -> None:
-        if not (self.points >= 6 and self.steps >= 1 and self.tolerance_mm > 0):
-            raise ConfigError(
-                f"a round needs points >= 6, steps >= 1 and tolerance_mm > 0, "
-                f"got {self.points}, {self.steps} and {self.tolerance_mm}"
-            )
-        start, end = self.distance_mm
-        if not 0 < end <= start:
-            raise ConfigError(f"distance_mm must fall from a positive start, got {start} to {end}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,14 +29,24 @@ class ShortlistConfig:
     """Points, 2 mm apart, that make the normal of one of them."""
     unknown_share: float = 0.2
     """Share of the pairs taken to be of anything, clamp and noise, and not of the motor."""
-    first: AlignRound = AlignRound(points=120, steps=5, distance_mm=(15.0, 6.0), tolerance_mm=2.0)
+    first: AlignRound = field(
+        default_factory=lambda: AlignRound(
+            points=120, steps=5, distance_mm=(15.0, 6.0), tolerance_mm=2.0
+        )
+    )
     """Every prior goes through it."""
     kept: int = 12
-    """Priors that go through the second round."""
-    second: AlignRound = AlignRound(points=600, steps=6, distance_mm=(8.0, 4.0), tolerance_mm=1.0)
-    """On the 72 views of reman18 (simulated) the right prior came first in all, with a tolerance of
-    1 as of 2 mm."""
-    third: AlignRound = AlignRound(points=1500, steps=8, distance_mm=(4.0, 1.0), tolerance_mm=0.5)
+    """Priors that go on."""
+    second: AlignRound = field(
+        default_factory=lambda: AlignRound(
+            points=600, steps=6, distance_mm=(8.0, 4.0), tolerance_mm=1.0
+        )
+    )
+    third: AlignRound = field(
+        default_factory=lambda: AlignRound(
+            points=1500, steps=8, distance_mm=(4.0, 1.0), tolerance_mm=0.5
+        )
+    )
     """The best few go through it, on their full surface, and are compared by it. 0.5 mm: the right
     motor fits within the measuring error, the next size does not."""
     voxel_mm: float = 1.5
@@ -86,19 +67,6 @@ class ShortlistConfig:
                 raise ConfigError(f"{name} must be in (0, 1), got {getattr(self, name)}")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Surfaces:
-    """Several motors' surfaces in one search tree."""
-
-    points: Float32Array
-    """Shape (sum of K, 3), mm, each in its own frame `motor`."""
-    normals: Float32Array
-    """Shape (sum of K, 3), unit, outward."""
-    tree: KDTree
-    """Over `points`, motor i moved by i times 5 m along x."""
-    spacing_mm: float
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShortlistIndex:
     """The sketches of all priors, ready to be searched."""
@@ -106,7 +74,7 @@ class ShortlistIndex:
     sketches: tuple[PriorSketch, ...]
     log_pairs: Float32Array
     """Shape (P, W): logarithm of each prior's share of pair words."""
-    surfaces: _Surfaces
+    surfaces: Surfaces
     """Of the sketches."""
 
 
@@ -120,6 +88,11 @@ class ViewSketch:
     """Shape (N, 3), unit, towards the camera."""
     pairs: Float32Array
     """Shape (W,), sums to 1."""
+
+    @property
+    def surface(self) -> tuple[FloatArray, FloatArray]:
+        """Points and normals."""
+        return self.points, self.normals
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -150,23 +123,12 @@ def build_shortlist_index(
     return ShortlistIndex(
         sketches=tuple(sketches),
         log_pairs=freeze(np.log(known + 1e-7).astype(np.float32)),
-        surfaces=_join_surfaces(
+        surfaces=join_surfaces(
             [sketch.points for sketch in sketches],
             [sketch.normals for sketch in sketches],
             SKETCH_SPACING_MM,
         ),
     )
-
-
-def _join_surfaces(
-    points: Sequence[Float32Array], normals: Sequence[Float32Array], spacing_mm: float
-) -> _Surfaces:
-    together = np.concatenate(points)
-    placed = together.astype(np.float64)
-    placed[:, 0] += np.repeat(np.arange(len(points)), [len(part) for part in points]) * _APART_MM
-    # a tree of medians takes three times as long to build as it saves here
-    tree = KDTree(placed, balanced_tree=False, compact_nodes=False)
-    return _Surfaces(freeze(together), freeze(np.concatenate(normals)), tree, spacing_mm)
 
 
 def sketch_view(motor_points: FloatArray, config: ShortlistConfig) -> ViewSketch | None:
@@ -234,13 +196,15 @@ def align_all(
         np.repeat([guess.translation_mm for guess in guesses], count, axis=0),
     )
     owners = np.tile(everyone, len(guesses))
-    poses, tried = _align(index.surfaces, owners, poses, view, config.first, config.min_facing)
+    poses, tried = settle(
+        index.surfaces, owners, poses, view.surface, config.first, config.min_facing
+    )
     best = tried.reshape(len(guesses), count).argmax(axis=0) * count + everyone
     poses, agreement = poses[best], tried[best]
     order = np.argsort(-agreement, kind="stable")
     kept, rest = order[: config.kept], order[config.kept :]
-    closer, better = _align(
-        index.surfaces, kept, poses[kept], view, config.second, config.min_facing
+    closer, better = settle(
+        index.surfaces, kept, poses[kept], view.surface, config.second, config.min_facing
     )
     again = np.argsort(-better, kind="stable")
     rows = np.concatenate([kept[again], rest])
@@ -279,7 +243,7 @@ def compare_closely(
     """
     config = config or ShortlistConfig()
     thinned = [voxel_representatives(prior.points, config.voxel_mm) for prior in priors]
-    surfaces = _join_surfaces(
+    surfaces = join_surfaces(
         [p.points[rows].astype(np.float32) for p, rows in zip(priors, thinned, strict=True)],
         [p.normals[rows].astype(np.float32) for p, rows in zip(priors, thinned, strict=True)],
         config.voxel_mm,
@@ -290,79 +254,5 @@ def compare_closely(
         np.stack([inverse.translation_mm for inverse in inverses]),
     )
     rows = np.arange(len(priors))
-    _, agreement = _align(surfaces, rows, poses, view, config.third, config.min_facing)
+    _, agreement = settle(surfaces, rows, poses, view.surface, config.third, config.min_facing)
     return agreement
-
-
-def _align(
-    surfaces: _Surfaces,
-    rows: IntArray,
-    poses: PoseBatch,
-    view: ViewSketch,
-    config: AlignRound,
-    min_facing: float,
-) -> tuple[PoseBatch, FloatArray]:
-    """Settle the inverse pose of each of some priors by point-to-plane steps; poses, (R,)."""
-    points = view.points[: config.points].astype(np.float32)
-    normals = view.normals[: config.points].astype(np.float32)
-    for distance in np.geomspace(*config.distance_mm, config.steps):
-        pairs = _pair(surfaces, rows, poses, points, normals, min_facing)
-        poses = _step(poses, pairs, float(distance))
-    pairs = _pair(surfaces, rows, poses, points, normals, min_facing)
-    # between two points of a surface it goes on
-    near = pairs.distances_squared < (config.tolerance_mm + surfaces.spacing_mm) ** 2
-    agreement = np.maximum(1.0 - (pairs.residuals / config.tolerance_mm) ** 2, 0.0)
-    return poses, (agreement * (near & pairs.is_facing)).mean(axis=1).astype(np.float64)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pairs:
-    moved: Float32Array
-    """Shape (R, N, 3), mm, in the frame of the surface."""
-    normals: Float32Array
-    """Shape (R, N, 3), of the partners."""
-    residuals: Float32Array
-    distances_squared: Float32Array
-    is_facing: BoolArray
-
-
-def _pair(
-    surfaces: _Surfaces,
-    rows: IntArray,
-    poses: PoseBatch,
-    points: Float32Array,
-    normals: Float32Array,
-    min_facing: float,
-) -> _Pairs:
-    turn = poses.rotations.transpose(0, 2, 1).astype(np.float32)
-    moved = points @ turn + poses.translations_mm[:, None].astype(np.float32)
-    placed = moved.astype(np.float64)
-    placed[..., 0] += _APART_MM * rows[:, None]
-    _, partner = surfaces.tree.query(placed.reshape(-1, 3), workers=-1)
-    partner = np.asarray(partner).reshape(moved.shape[:2])
-    partner_normals = surfaces.normals[partner]
-    offset = surfaces.points[partner] - moved
-    return _Pairs(
-        moved,
-        partner_normals,
-        np.einsum("rni,rni->rn", offset, partner_normals),
-        np.einsum("rni,rni->rn", offset, offset),
-        np.einsum("rni,rni->rn", normals @ turn, partner_normals) > min_facing,
-    )
-
-
-def _step(poses: PoseBatch, pairs: _Pairs, max_distance_mm: float) -> PoseBatch:
-    weights = np.maximum(1.0 - pairs.distances_squared / max_distance_mm**2, 0.0) * pairs.is_facing
-    centre = pairs.moved.mean(axis=1, keepdims=True)
-    lever = (pairs.moved - centre) / np.float32(_LEVER_MM)
-    jacobian = np.concatenate([np.cross(lever, pairs.normals), pairs.normals], axis=-1)
-    weighted = (jacobian * weights[..., None]).transpose(0, 2, 1)
-    matrix = (weighted @ jacobian).astype(np.float64)
-    trace = np.trace(matrix, axis1=1, axis2=2)
-    matrix += np.eye(6) * (_DAMPING * trace + 1e-6)[:, None, None]
-    right_side = (weighted @ pairs.residuals[..., None]).astype(np.float64)
-    motion = np.linalg.solve(matrix, right_side)[..., 0]
-    turn = rotations_from_vectors(motion[:, :3] / _LEVER_MM)
-    middle = centre[:, 0].astype(np.float64)
-    shifted = (turn @ (poses.translations_mm - middle)[..., None])[..., 0]
-    return PoseBatch(turn @ poses.rotations, shifted + middle + motion[:, 3:])

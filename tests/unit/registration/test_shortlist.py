@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.sketch import PriorSketch, sketch_prior
+from boltpose.registration.align_many import AlignRound
 from boltpose.registration.library import PriorLibrary
 from boltpose.registration.shortlist import (
-    AlignRound,
     ShortlistConfig,
     ViewSketch,
     align_all,
