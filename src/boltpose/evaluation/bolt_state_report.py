@@ -57,6 +57,8 @@ def sections(results: Path) -> list[str]:
         "leaves a hole too deep and dark to be measured: no measurement is no evidence, a dark or "
         "greasy head gives none either. A screw whose head differs by less is `confirmed`.",
         _extra(views),
+        "![Bolts that are there, lost and exchanged, as a simulated camera sees them]"
+        "(images/bolt_state.png)",
     ]
     return [part for part in parts if part]
 

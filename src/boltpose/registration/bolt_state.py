@@ -64,28 +64,29 @@ def judge_bolts(
 
 
 def _judge(bolt: PriorBolt, sight: HeadSight, config: BoltStateConfig) -> BoltJudgement:
-    enough = max(config.min_points, config.min_share * sight.head_points)
-    state, reason = BoltState.UNSEEN, ""
-    if (
-        sight.through >= max(config.min_points, config.min_missing_share * sight.head_points)
-        and sight.through_share >= config.through_share
-    ):
-        state = BoltState.CONTRADICTED
-        what = "a missing screw" if sight.through_share > _GONE_SHARE else "another head"
-        reason = (
-            f"the camera saw {sight.through_mm:.1f} mm past the head over "
-            f"{100 * sight.through_share:.0f} % of what it could see of it: {what}"
-        )
-    elif (
+    missing = max(config.min_points, config.min_missing_share * sight.head_points)
+    present = max(config.min_points, config.min_share * sight.head_points)
+    is_through = sight.through >= missing and sight.through_share >= config.through_share
+    is_proud = (
         sight.proud_points >= config.min_proud_points
         and sight.proud_share >= config.proud_share
         and sight.around_points <= config.max_around_share * sight.proud_points
-    ):
+    )
+    reason = ""
+    if is_through or is_proud:
         state = BoltState.CONTRADICTED
-        reason = (
-            f"{100 * sight.proud_share:.0f} % of the surface in the head's place is not the "
-            f"head's and reaches {sight.proud_mm:.1f} mm above its face: another head"
-        )
-    elif sight.agreeing >= enough:
-        state = BoltState.CONFIRMED
+        if is_proud and sight.proud_share > sight.through_share:
+            reason = (
+                f"{100 * sight.proud_share:.0f} % of the surface in the head's place is not the "
+                f"head's and reaches {sight.proud_mm:+.1f} mm from its face: another head"
+            )
+        else:
+            is_gone = sight.through_share > _GONE_SHARE and not is_proud
+            reason = (
+                f"the surface lies {sight.through_mm:.1f} mm behind the head's over "
+                f"{100 * sight.through_share:.0f} % of what the camera saw of it: "
+                f"{'a missing screw' if is_gone else 'another head'}"
+            )
+    else:
+        state = BoltState.CONFIRMED if sight.agreeing >= present else BoltState.UNSEEN
     return BoltJudgement(bolt_id=bolt.id, state=state, reason=reason, sight=sight)

@@ -86,5 +86,5 @@ def test_a_misplaced_pose_is_off_like_a_good_registration() -> None:
         assert 0.1 <= abs(shift @ ray) <= 0.2
         assert np.linalg.norm(shift) < 0.35
         assert max(angle_between_rad(off.rotation[:, k], np.eye(3)[:, k]) for k in range(3)) < 0.002
-    again = misplace(truth, centre, np.random.default_rng(19))
-    assert np.array_equal(again.matrix, off.matrix)
+    first, again = (misplace(truth, centre, np.random.default_rng(7)) for _ in range(2))
+    assert np.array_equal(again.matrix, first.matrix)
