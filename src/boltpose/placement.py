@@ -9,7 +9,8 @@ import numpy as np
 from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
-from boltpose.schema import LocatedBolt, PriorBolt, Registration, Visibility
+from boltpose.schema import HandEyeError, LocatedBolt, PriorBolt, Registration, Visibility
+from boltpose.tool_fit import ToolTolerance, tool_fit_probability
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,8 @@ def place_bolt(
     visibility: Visibility,
     alignment_sigma_rad: float,
     config: PlacementConfig,
+    hand_eye_error: HandEyeError | None = None,
+    tool: ToolTolerance | None = None,
 ) -> LocatedBolt:
     """Chain `base_from_camera @ camera_from_prior @ prior_from_bolt` and the covariances.
 
@@ -47,9 +50,11 @@ def place_bolt(
         visibility: The same as a flag.
         alignment_sigma_rad: 1 sigma of the motor's axis in the prior.
         config: Settings.
+        hand_eye_error: How well the hand-eye is known; None leaves its error out of the sigmas.
+        tool: What the tool forgives; None leaves `p_tool_fits` None.
 
     Returns:
-        The bolt in frame `base` or `camera`. The hand-eye's own error is not part of the sigmas.
+        The bolt in frame `base` or `camera`.
 
     Raises:
         FrameError: `base_from_camera` is not what its name says.
@@ -60,12 +65,22 @@ def place_bolt(
     """
     camera_from_bolt = registration.camera_from_prior @ bolt.prior_from_bolt
     position_covariance, axis_covariance = _propagate(bolt, camera_from_bolt, registration)
+    if hand_eye_error is not None and base_from_camera is not None:
+        more_position, more_axis = _hand_eye_covariance(camera_from_bolt, hand_eye_error)
+        position_covariance = position_covariance + more_position
+        axis_covariance = axis_covariance + more_axis
     axis = camera_from_bolt.z_axis
     beside = np.eye(3) - np.outer(axis, axis)
     lateral_variance = float(np.linalg.eigvalsh(beside @ position_covariance @ beside)[-1])
     axial_variance = float(axis @ position_covariance @ axis)
     tilt_variance = float(np.linalg.eigvalsh(beside @ axis_covariance @ beside)[-1])
     tilt_variance += alignment_sigma_rad**2 + config.bolt_tilt_sigma_rad**2
+    p_tool_fits = None
+    if tool is not None:
+        lands = tool_fit_probability(
+            position_covariance, axis, float(np.sqrt(tilt_variance)), bolt.head_height_mm, tool
+        )
+        p_tool_fits = bolt.confidence * lands
     pose = camera_from_bolt if base_from_camera is None else base_from_camera @ camera_from_bolt
     turn = np.eye(3) if base_from_camera is None else base_from_camera.rotation
     frame_from_prior = pose @ bolt.prior_from_bolt.inverse()
@@ -85,7 +100,23 @@ def place_bolt(
         is_sure=bolt.is_sure,
         cluster_centre=frame_from_prior.apply(bolt.cluster_centre),
         remarks=bolt.remarks,
+        p_tool_fits=p_tool_fits,
     )
+
+
+def _hand_eye_covariance(
+    camera_from_bolt: Transform, error: HandEyeError
+) -> tuple[FloatArray, FloatArray]:
+    """What an uncertain `base_from_camera` adds, (3, 3) each, frame `camera`: mm2 and rad2.
+
+    The camera's pose errs by a small turn about its own origin and a small shift: over the 600 mm
+    to the motor a turn of 0.05 degrees is half a millimetre.
+    """
+    arm = camera_from_bolt.translation_mm
+    turn = error.rotation_sigma_rad**2
+    # the covariance of w x arm, w of equal sigma in all directions
+    by_turn = turn * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return by_turn + error.translation_sigma_mm**2 * np.eye(3), turn * np.eye(3)
 
 
 def _propagate(

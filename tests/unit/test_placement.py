@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 from boltpose.errors import FrameError
 from boltpose.geometry.transforms import Transform
 from boltpose.placement import PlacementConfig, place_bolt
-from boltpose.schema import LocatedBolt, PriorBolt, Registration, Visibility
+from boltpose.schema import HandEyeError, LocatedBolt, PriorBolt, Registration, Visibility
+from boltpose.tool_fit import ToolTolerance
 from tests.support import records
 from tests.support.strategies import transforms
 
@@ -75,3 +76,63 @@ def test_an_inverted_hand_eye_is_refused() -> None:
     registration = records.registration(Transform.identity("camera", "prior"))
     with pytest.raises(FrameError, match="cannot chain camera_from_base @ camera_from_bolt"):
         place(records.prior_bolt(), registration, Transform.identity("camera", "base"))
+
+
+@settings(max_examples=5, deadline=None)
+@given(transforms("base", "camera"))
+def test_an_uncertain_hand_eye_counts_as_sampled_ones_do(base_from_camera: Transform) -> None:
+    camera_from_prior = Transform.from_parts("camera", "prior", np.eye(3), (40.0, -20.0, 650.0))
+    bolt = records.prior_bolt()
+    registration = records.registration(camera_from_prior)
+    error = HandEyeError(rotation_sigma_rad=np.radians(0.05), translation_sigma_mm=0.3)
+
+    def located(hand_eye_error: HandEyeError | None) -> LocatedBolt:
+        return place_bolt(
+            bolt,
+            registration,
+            base_from_camera,
+            visible_fraction=0.0,
+            visibility=Visibility.HIDDEN,
+            alignment_sigma_rad=0.0,
+            config=PlacementConfig(bolt_tilt_sigma_rad=0.0),
+            hand_eye_error=hand_eye_error,
+        )
+
+    exact, uncertain = located(None), located(error)
+    rng = np.random.default_rng(0)
+    turns = Rotation.from_rotvec(rng.normal(scale=error.rotation_sigma_rad, size=(40000, 3)))
+    shifts = rng.normal(scale=error.translation_sigma_mm, size=(40000, 3))
+    in_camera = (camera_from_prior @ bolt.prior_from_bolt).translation_mm
+    true_tops = base_from_camera.apply(turns.apply(in_camera.copy()) + shifts)
+    own = np.linalg.cholesky(exact.covariance_mm2)
+    offset = true_tops + rng.normal(size=(40000, 3)) @ own.T - uncertain.head_top
+    squared = np.einsum("ni,ij,nj->n", offset, np.linalg.inv(uncertain.covariance_mm2), offset)
+    assert np.mean(squared < 7.815) == pytest.approx(0.95, abs=0.01)  # chi2 of 3, 95 %
+    assert uncertain.sigma_axis_rad == pytest.approx(
+        np.hypot(exact.sigma_axis_rad, error.rotation_sigma_rad)
+    )
+    assert uncertain.sigma_lateral_mm > exact.sigma_lateral_mm
+
+
+def test_the_tool_fits_at_most_as_surely_as_the_bolt_is_one() -> None:
+    bolt = records.prior_bolt()
+    pose = Transform.from_parts("camera", "prior", np.eye(3), (0.0, 0.0, 700.0))
+
+    def fit(tool: ToolTolerance | None) -> float | None:
+        return place_bolt(
+            bolt,
+            records.registration(pose),
+            None,
+            visible_fraction=0.0,
+            visibility=Visibility.HIDDEN,
+            alignment_sigma_rad=0.0,
+            config=PlacementConfig(),
+            tool=tool,
+        ).p_tool_fits
+
+    assert fit(None) is None
+    loose, tight = fit(ToolTolerance(lateral_mm=50.0)), fit(ToolTolerance(lateral_mm=0.01))
+    assert loose is not None
+    assert tight is not None
+    assert loose == pytest.approx(bolt.confidence)
+    assert tight < 0.1 * loose

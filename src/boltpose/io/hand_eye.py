@@ -14,6 +14,7 @@ from boltpose.geometry.transforms import ROTATION_TOLERANCE, Transform
 from boltpose.io.guard import refusing, require_file
 from boltpose.io.matrix_text import FoundMatrix, find_matrices, find_residuals, parse_document
 from boltpose.io.units import Unit, as_unit, check_translation
+from boltpose.schema import HandEyeError
 
 _WANTED = "one 4x4 rigid transform in a .yaml, .yml, .json, .csv or .txt file"
 _LAST_ROW = (0.0, 0.0, 0.0, 1.0)
@@ -86,6 +87,32 @@ def read_hand_eye(
         except FrameError as error:
             raise InputFileError(file, str(error), _WANTED) from error
     return HandEye(transform=transform, residuals=residuals)
+
+
+def hand_eye_error(hand_eye: HandEye) -> HandEyeError | None:
+    """Estimate how well a hand-eye matrix is known from the residuals of its calibration.
+
+    Every residual is taken for one draw of the matrix's own error, so the estimate does not shrink
+    with the number of poses: the residuals of one calibration share board, camera and arm. It is
+    conservative where the residuals are independent, and too small where an error is common to all
+    poses (a tool centre point measured wrong, a camera that has drifted since): residuals cannot
+    show that, only a touch can.
+
+    Args:
+        hand_eye: As read.
+
+    Returns:
+        Sigmas per axis: the root mean square over the poses, by the square root of 3, since a
+        residual is the length of three components. None without residuals.
+    """
+    if not hand_eye.residuals:
+        return None
+    rotation = np.array([residual.rotation_deg for residual in hand_eye.residuals])
+    translation = np.array([residual.translation_mm for residual in hand_eye.residuals])
+    return HandEyeError(
+        rotation_sigma_rad=float(np.radians(np.sqrt(np.mean(rotation**2) / 3.0))),
+        translation_sigma_mm=float(np.sqrt(np.mean(translation**2) / 3.0)),
+    )
 
 
 def _choose(path: Path, found: list[FoundMatrix], target: str, source: str) -> FloatArray:

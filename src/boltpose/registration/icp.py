@@ -12,10 +12,9 @@ from boltpose.errors import DegenerateGeometryError
 from boltpose.geometry.sampling import voxel_downsample
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import FineConfig, FineStep
+from boltpose.registration.covariance import LEVER_MM, pose_covariance
 from boltpose.registration.prepare import PreparedPrior
 
-_LEVER_MM = 50.0
-"""Rotations are solved for as millimetres at this distance, for a well-scaled 6 x 6 system."""
 _REPAIR_SHIFT_MM = 0.05
 """A step that moved no point by more than this keeps the pairs of the step before: with planes as
 targets a partner two hundredths of a spacing off is the same partner."""
@@ -88,7 +87,7 @@ def refine_pose(
                 pairs = _find_pairs(moved, cloud, rotation, prepared, step.max_distance_mm)
             jacobian, residuals, weights = _linearise(moved, pairs, centre, prepared, step)
             motion = _solve(jacobian, residuals, weights)
-            turn = Rotation.from_rotvec(motion[:3] / _LEVER_MM).as_matrix()
+            turn = Rotation.from_rotvec(motion[:3] / LEVER_MM).as_matrix()
             rotation = turn @ rotation
             translation = turn @ (translation - centre) + centre + motion[3:]
             shift = _largest_shift(motion, prepared)
@@ -173,7 +172,7 @@ def _assess(
         iterations=iterations,
         rms_mm=rms,
         inlier_ratio=float((weights > 0).sum() / len(cloud)),
-        covariance=_covariance(
+        covariance=pose_covariance(
             jacobian, weights, rms, camera_from_prior.rotation, centre_camera, step.voxel_mm, config
         ),
         centre_mm=centre_camera,
@@ -208,7 +207,7 @@ def _linearise(
     points = moved[pairs.rows]
     normals = prepared.normals[pairs.partners]
     residuals = np.einsum("ni,ni->n", prepared.points[pairs.partners] - points, normals)
-    jacobian = np.hstack([np.cross((points - centre) / _LEVER_MM, normals), normals])
+    jacobian = np.hstack([np.cross((points - centre) / LEVER_MM, normals), normals])
     weights = np.square(np.maximum(1.0 - np.square(residuals / step.kernel_mm), 0.0))
     return jacobian, residuals, weights
 
@@ -221,39 +220,5 @@ def _solve(jacobian: FloatArray, residuals: FloatArray, weights: FloatArray) -> 
 
 
 def _largest_shift(motion: FloatArray, prepared: PreparedPrior) -> float:
-    turn = float(np.linalg.norm(motion[:3])) / _LEVER_MM
+    turn = float(np.linalg.norm(motion[:3])) / LEVER_MM
     return turn * prepared.radius_mm + float(np.linalg.norm(motion[3:]))
-
-
-def _covariance(
-    jacobian: FloatArray,
-    weights: FloatArray,
-    rms_mm: float,
-    camera_from_prior_rotation: FloatArray,
-    centre_camera: FloatArray,
-    voxel_mm: float,
-    config: FineConfig,
-) -> FloatArray:
-    """Formal covariance, for correlated residuals, plus the floor of the camera.
-
-    The scan points move by (w, t) in frame `prior`; the prior moves by the opposite in frame
-    `camera`, which has the same covariance once both halves are turned.
-    """
-    scale = np.repeat([1.0 / _LEVER_MM, 1.0], 3)
-    together = max(1.0, (config.correlation_length_mm / voxel_mm) ** 2)
-    # noise-free data would claim certainty; 0.01 mm is below any sensor's noise
-    variance = max(rms_mm, 0.01) ** 2 * together
-    information = (jacobian * weights[:, None]).T @ jacobian / variance
-    # a direction without any information gets a sigma of 1000 mm at the lever, not infinity
-    information += 1e-6 * np.eye(6)
-    covariance = np.linalg.inv(information) * np.outer(scale, scale)
-    turn = np.kron(np.eye(2), camera_from_prior_rotation)
-    covariance = turn @ covariance @ turn.T
-    view = centre_camera / np.linalg.norm(centre_camera)
-    floor = np.zeros((6, 6))
-    floor[:3, :3] = config.rotation_sigma_rad**2 * np.eye(3)
-    floor[3:, 3:] = config.lateral_sigma_mm**2 * np.eye(3) + (
-        config.depth_sigma_mm**2 - config.lateral_sigma_mm**2
-    ) * np.outer(view, view)
-    result = covariance + floor
-    return 0.5 * (result + result.T)

@@ -9,7 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from boltpose.errors import ConfigError, InputFileError, UnitError
+from boltpose.geometry.transforms import Transform
 from boltpose.io import PoseResidual, read_hand_eye
+from boltpose.io.hand_eye import HandEye, hand_eye_error
 
 REMAN18 = Path(__file__).parents[3] / "data" / "reman18"
 
@@ -250,3 +252,21 @@ def test_other_content_is_refused_in_one_line(tmp_path: Path, name: str) -> None
 def test_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"no\.yaml: found no such file"):
         read_hand_eye(tmp_path / "no.yaml")
+
+
+def test_the_error_is_the_root_mean_square_of_the_residuals_per_axis() -> None:
+    still = Transform.identity("base", "camera")
+    assert hand_eye_error(HandEye(transform=still)) is None
+    rng = np.random.default_rng(0)
+    residuals = tuple(
+        PoseResidual(rotation_deg=rotation, translation_mm=translation)
+        for rotation, translation in zip(
+            np.linalg.norm(rng.normal(scale=0.05, size=(4000, 3)), axis=1),
+            np.linalg.norm(rng.normal(scale=0.4, size=(4000, 3)), axis=1),
+            strict=True,
+        )
+    )
+    error = hand_eye_error(HandEye(transform=still, residuals=residuals))
+    assert error is not None
+    assert np.degrees(error.rotation_sigma_rad) == pytest.approx(0.05, rel=0.03)
+    assert error.translation_sigma_mm == pytest.approx(0.4, rel=0.03)
