@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from boltpose.arrays import Float32Array, FloatArray, as_points, freeze
+from boltpose.arrays import BoolArray, Float32Array, FloatArray, as_points, freeze
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.prepare import PreparedPrior
@@ -122,11 +122,10 @@ def find_extra_heads(
     """
     config = config or ExtraHeadConfig()
     points = as_points(scan_points, "scan_points", at_least=0)
-    local, distance = _around(prepared, camera_from_prior, points)
+    local, distance = _around(prepared, camera_from_prior, points, config)
     heads: list[ExtraHead] = []
     for low, high in _things(local[distance > config.unknown_mm + _COARSE_SLACK_MM], config):
-        inside = ((local > low - _FOOT_MM) & (local < high + _FOOT_MM)).all(axis=1)
-        thing = local[inside & (distance > config.unknown_mm)].astype(np.float64)
+        thing = local[_inside(local, low - _FOOT_MM, high + _FOOT_MM)].astype(np.float64)
         away, _ = prepared.tree.query(thing)
         thing, away = thing[away > config.unknown_mm], away[away > config.unknown_mm]
         order = np.argsort(thing @ _KEY)
@@ -142,7 +141,10 @@ def find_extra_heads(
 
 
 def _around(
-    prepared: PreparedPrior, camera_from_prior: Transform, points: FloatArray
+    prepared: PreparedPrior,
+    camera_from_prior: Transform,
+    points: FloatArray,
+    config: ExtraHeadConfig,
 ) -> tuple[Float32Array, Float32Array]:
     """Scan points off the motor's surface but near it.
 
@@ -156,14 +158,18 @@ def _around(
     local = camera_from_prior.inverse().apply(points[near]).astype(np.float32)
     low = prepared.coarse_points.min(axis=0) - np.float32(_REACH_MM)
     high = prepared.coarse_points.max(axis=0) + np.float32(_REACH_MM)
-    inside = np.ones(len(local), dtype=np.bool_)
-    for column, least, most in zip(local.T, low, high, strict=True):
-        inside &= (column > least) & (column < most)
-    local = local[inside]
+    local = local[_inside(local, low, high)]
     offset = local - prepared.coarse_points[prepared.grid.nearest(local)]
     squared = np.einsum("ni,ni->n", offset, offset)
-    off = (squared > 0.5) & (squared < _REACH_MM**2)
+    off = (squared > config.unknown_mm**2) & (squared < _REACH_MM**2)
     return local[off], np.sqrt(squared[off])
+
+
+def _inside(points: Float32Array, low: Float32Array, high: Float32Array) -> BoolArray:
+    inside = np.ones(len(points), dtype=np.bool_)
+    for column, least, most in zip(points.T, low, high, strict=True):
+        inside &= (column > least) & (column < most)
+    return inside
 
 
 def _things(
