@@ -82,7 +82,7 @@ def choose_threshold(motors: Sequence[HardMotor], config: ProbabilityConfig) -> 
     """Put the threshold in the middle, in log odds, between wrong and good poses of even families.
 
     Between the highest probability of a wrong pose and the 1 % point of the good ones of motors
-    that are sufficiently in view, rounded down to a twentieth.
+    that are sufficiently in view, and never below one half.
 
     Args:
         motors: Records; only choosers are used.
@@ -93,13 +93,13 @@ def choose_threshold(motors: Sequence[HardMotor], config: ProbabilityConfig) -> 
         for motor in motors
         if motor.is_chooser
         for case in motor.cases
-        if case.evidence is not None and is_judged(case)
+        if case.evidence is not None and is_judged(case) and _is_held(case)
     ]
     highest = max(p for p, case in stated if case.is_wrong)
     good = [p for p, case in stated if not case.is_wrong and not case.is_starved]
     lowest = float(np.quantile(good, 0.01))
     odds = math.sqrt(highest / (1.0 - highest) * lowest / (1.0 - lowest))
-    return math.floor(20.0 * odds / (1.0 + odds)) / 20.0
+    return max(0.5, round(odds / (1.0 + odds), 2))
 
 
 def _is_held(case: HardCase) -> bool:

@@ -332,8 +332,9 @@ class VerifyConfig:
 
     min_motor_points: int = 300
     """On 2 mm voxels, 12 cm2 of surface. Right: at least 2112. Below it nothing is registered."""
-    max_free_space_violation: float = 0.01
-    """Right: at most 0.0016. Mirrored scans: at least 0.017."""
+    max_free_space_violation: float = 0.02
+    """Right: at most 0.0016 on reman18, 0.011 in factory scenes (simulated) with a bolt lost since
+    the scan. Mirrored motors: mostly above, from 0.0006; `p_correct` tells those."""
     min_explained: float = 0.35
     """Right: at least 0.98 under the true mask, 0.785 with a fifth of clamp points in it, 0.495
     with two motors in view. It guards against masks that are mostly something else; the fit is
@@ -357,9 +358,10 @@ class VerifyConfig:
     max_bolt_sigma_mm: float = 0.5
     """Right: at most 0.126, nearly all of it the camera's depth bias. Above it a bolt may stand
     1 mm beside its place without any residual."""
-    min_p_correct: float = 0.6
-    """Half way, in log odds and rounded down, between the most likely wrong pose of the even
-    families (0.57, with 95 % of the motor hidden) and the 1 % point of their good ones (0.71)."""
+    min_p_correct: float = 0.5
+    """Half way, in log odds, between the most likely wrong pose of the even families (0.31, a
+    mirrored motor; of poses that the points hold) and the 1 % point of their good ones (0.7) lies
+    0.48. No pose that is as likely wrong as right is given."""
     evidence: EvidenceConfig = field(default_factory=EvidenceConfig)
     probability: ProbabilityConfig = field(default_factory=ProbabilityConfig)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.spatial import KDTree
 
-from boltpose.arrays import BoolArray, FloatArray
+from boltpose.arrays import BoolArray, FloatArray, IntArray
 from boltpose.geometry.sampling import voxel_downsample
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import EvidenceConfig
@@ -36,7 +36,8 @@ class Evidence:
     motor_points: int
     """Motor points on 2 mm voxels."""
     free_space_violation: float
-    """Share of the judged surface that the camera saw through."""
+    """Share of the judged surface that the camera saw through; not of the cable and the plug, which
+    may lie elsewhere by now."""
     explained: float
     """Share of the motor points on the posed prior's camera-facing surface."""
     tight: float
@@ -84,6 +85,7 @@ def gather_evidence(
     """
     pose = registration.camera_from_prior
     standing = judge_surface(scene, pose, prepared, tolerance_mm=config.free_space_mm)
+    standing = _without_moved_cable(standing, prepared)
     fit = _fit_of_points(pose, prepared, motor_points, config)
     near = _near_surface(pose, prepared, scene)
     judged = (standing == Standing.CONFIRMED) | (standing == Standing.VIOLATING)
@@ -101,6 +103,17 @@ def gather_evidence(
         bolt_sigma_mm=bolt_sigma_mm(registration, prepared),
         converged=registration.converged,
     )
+
+
+def _without_moved_cable(standing: IntArray, prepared: PreparedPrior) -> IntArray:
+    """Leave surface of the electrical connector that was seen through out of the judgement."""
+    rows = np.flatnonzero(standing == Standing.VIOLATING)
+    if not len(rows):
+        return standing
+    _, partner = prepared.tree.query(prepared.coarse_points[rows], workers=-1)
+    kept = standing.copy()
+    kept[rows[~prepared.is_rigid[partner]]] = Standing.NOT_FACING
+    return kept
 
 
 def bolt_sigma_mm(registration: Registration, prepared: PreparedPrior) -> float:

@@ -26,20 +26,20 @@ class ProbabilityConfig:
     `python -m boltpose.evaluation.hard_fit results/verdict`, which prints them.
     """
 
-    bias: float = -11.98
-    tight: float = 0.942
-    weakest_tight: float = 1.53
-    sunk: float = 0.508
-    free_space: float = 0.423
-    coverage: float = 0.36
-    margin: float = 0.252
+    bias: float = -11.97
+    tight: float = 0.977
+    weakest_tight: float = 1.57
+    sunk: float = 0.54
+    free_space: float = 0.371
+    coverage: float = 0.318
+    margin: float = 0.238
     sigma_factor: float = 3.0
     """The true error is taken for this much larger than the stated 1 sigma of a bolt. On even
     families with 80 to 95 % of the motor hidden it was up to 2.0 times the sigma, and 7 times in
     one pose whose refinement had not ended."""
     highest: float = 0.999
     """Nobody may claim more: of n wrong cases that are all told apart no more follows than that at
-    most 3 / n are not (95 % confidence), which are 0.0006 for the 5000 of the fit; and cases of
+    most 3 / n are not (95 % confidence), which are 0.001 for the 3300 of the fit; and cases of
     one view are not independent."""
 
     def __post_init__(self) -> None:
