@@ -33,14 +33,17 @@ class VariantConfig:
     full_tries: int = 3
     """So many priors are registered and judged in full before the motor counts as unknown. In the
     views of reman18 (simulated) the first was the right one, among 18 and among 144."""
-    scouts: tuple[int, ...] = (0, 1)
-    """Tries before which another prior, chosen by its point pairs, is registered coarsely: at
-    first no pose is known, and later those found so far may all be wrong."""
+    scouts: int = 4
+    """So many priors, chosen by their point pairs, are at most registered coarsely to learn where
+    the motor is: a wrong motor may be laid down upside down."""
+    scout_agreement: float = 0.5
+    """Once some prior, laid there, agrees with so many of the motor points, 0 to 1, no other scout
+    is sent."""
     min_agreement: float = 0.5
     """After the first try only priors that agree with so many of the motor points, settled on
     their full surface, are worth another. Right ones reach 0.8 on reman18 (simulated), of which
     clamp points in the mask take their share; other motors stay below 0.55."""
-    scout_poses: int = 2
+    scout_poses: int = 4
     """Of a coarse registration so many poses go on."""
     look_alikes: int = 3
     """So many of the nearest other motors are settled from the pose found and compared."""
@@ -50,10 +53,10 @@ class VariantConfig:
     0.04 to 0.07: motors nearer than that are refused as not to be told apart."""
 
     def __post_init__(self) -> None:
-        for name in ("full_tries", "scout_poses", "look_alikes"):
+        for name in ("full_tries", "scouts", "scout_poses", "look_alikes"):
             if not getattr(self, name) >= 1:
                 raise ConfigError(f"{name} must be >= 1, got {getattr(self, name)}")
-        for name in ("min_agreement", "min_lead"):
+        for name in ("scout_agreement", "min_agreement", "min_lead"):
             if not 0 < getattr(self, name) < 1:
                 raise ConfigError(f"{name} must be in (0, 1), got {getattr(self, name)}")
 
@@ -90,15 +93,9 @@ class VariantSearch:
         if self._sketch is None:
             self._register(0)  # too few motor points for any prior: it will say so
             return
-        by_pairs = rank_by_pairs(self._library.index, self._sketch)
-        scouted = self._scouted
+        if count > 1:
+            self._send_scouts()
         for step in range(min(self._variants.full_tries, count)):
-            if step in self._variants.scouts and count > 1:
-                seen = {*scouted, *self._tries}
-                ahead = [int(row) for row in by_pairs if int(row) not in seen]
-                scouted.extend(ahead[:1])
-                for row in ahead[:1]:
-                    self._scout(row)
             row = self._next(is_first=step == 0)
             if row is None:
                 return
@@ -239,6 +236,15 @@ class VariantSearch:
 
     def _p_correct(self, row: int) -> float:
         return self._verdict(row).p_correct if row in self._tries else 0.0
+
+    def _send_scouts(self) -> None:
+        assert self._sketch is not None
+        by_pairs = rank_by_pairs(self._library.index, self._sketch)
+        for row in map(int, by_pairs[: self._variants.scouts]):
+            self._scouted.append(row)
+            self._scout(row)
+            if self._agreement.max() >= self._variants.scout_agreement:
+                return
 
     def _scout(self, row: int) -> None:
         """Lay all motors where a coarse registration, without a second chance, puts this one."""
