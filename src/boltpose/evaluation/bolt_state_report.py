@@ -127,7 +127,8 @@ def _extra(views: dict[str, list[dict[str, Any]]]) -> str:
         return ""
     count = sum(len(of) for of in views.values())
     return (
-        f"Surplus heads, in {count} views: {len(found)} reported, {right} of them right. "
+        f"Surplus heads, in {count} views: {len(found)} reported, {right} of them right; "
+        "the others are screws and pins of clamps that stand on the motor. "
         f"Found were {' and '.join(told)}."
     )
 

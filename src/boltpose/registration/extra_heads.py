@@ -31,6 +31,8 @@ _FOOT_MM = 2.5
 """The foot of a thing, too near the motor to be told from it, reaches so far around the rest."""
 _MIN_CORE_SHARE = 0.6
 """Of the points of a thing so many are clear of the motor."""
+_SEAT_MM = 1.5
+"""The seat lies at most this much below the foot of a head, and its points this far apart."""
 _LEVEL_QUANTILE = 0.97
 _FOOT_QUANTILE = 0.03
 """Between these lies the height of a thing; strays do not count."""
@@ -70,6 +72,9 @@ class ExtraHeadConfig:
     """Share of the rim that is round."""
     max_rim_error_mm: float = 0.8
     """What nine tenths of the rim are within."""
+    min_seat_share: float = 0.6
+    """Share of the face that has the motor's own surface right below it: parts of a clamp stand
+    beside the motor."""
     max_gap_rad: float = 2.1
     """Largest part of the rim that may be unseen, 120 degrees."""
 
@@ -89,7 +94,7 @@ class ExtraHeadConfig:
         ):
             if not getattr(self, name) > 0:  # written so that NaN fails too
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
-        for name in ("min_face_share", "min_round_share"):
+        for name in ("min_face_share", "min_round_share", "min_seat_share"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must be in (0, 1], got {getattr(self, name)}")
         if not self.min_points >= 10:
@@ -239,6 +244,17 @@ def _as_head(
         and near >= config.bolt_distance_diameters * diameter
     )
     if not is_head:
+        return None
+    below = prepared.points[
+        np.sort(prepared.tree.query_ball_point(top, float(np.hypot(radius, tall)) + _SEAT_MM))
+    ]
+    depth = level - below @ axis
+    below = below[(depth > config.face_mm) & (depth < tall + _SEAT_MM)]
+    if not len(below):
+        return None
+    seat = KDTree(np.stack([below @ across, below @ up], axis=1))
+    gap, _ = seat.query(flat[face], distance_upper_bound=_SEAT_MM)
+    if np.isfinite(gap).mean() < config.min_seat_share:
         return None
     return ExtraHead(head_top_mm=top, diameter_mm=diameter, height_mm=tall)
 

@@ -59,8 +59,9 @@ class BoltStateConfig:
     proud_share: float = 0.32
     """If so much of the surface in a head's place is no surface of the prior, it is another head.
     Heads that are there reach 0.22, under grease and straps."""
-    proud_height_mm: float = 5.0
-    """Up to this much above the old head's face a surface may be another head's."""
+    proud_height_mm: float = 3.5
+    """Up to this much above the old head's face a surface may be another head's; heads on one
+    thread differ by up to 2.7."""
     max_around_share: float = 0.35
     """Unknown surface around the head, per unknown surface in its place: more is a strap, a cable
     or a jaw that lies over it, and no head."""
