@@ -9,17 +9,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import boltpose
-from boltpose.arrays import BoolArray
-from boltpose.errors import FrameError
 from boltpose.geometry.transforms import Transform
 from boltpose.locate_config import LocateConfig
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
-from boltpose.registration.relabel import relabel
 from boltpose.registration.verify import verify
-from boltpose.schema import LocatedBolt, LocateResult, Prior, Scan, Status
+from boltpose.schema import HandEyeError, LocateResult, Prior, Scan, Status
+from boltpose.seen_bolts import Found, find_in_view
 from boltpose.segmentation.predictor import ScenePredictor
 from boltpose.stages import OnStage, StageClock
-from boltpose.view import place_bolts, register_again, register_view, see
+from boltpose.view import frame_of_result, register_again, register_view, see
 
 __all__ = ["LocateConfig", "locate"]
 
@@ -31,6 +29,7 @@ def locate(
     predictor: ScenePredictor,
     config: LocateConfig | None = None,
     *,
+    hand_eye_error: HandEyeError | None = None,
     provenance: Mapping[str, Any] | None = None,
     on_stage: OnStage | None = None,
 ) -> LocateResult:
@@ -46,6 +45,8 @@ def locate(
         base_from_camera: Hand-eye matrix; None leaves the poses in frame `camera`.
         predictor: Scene segmentation (`load_models().scene`).
         config: Settings; defaults if left out.
+        hand_eye_error: How well `base_from_camera` is known; it then counts in every sigma. None
+            takes it for exact.
         provenance: Kept in the result beside version and settings, JSON-ready.
         on_stage: Told each stage's name and wall time.
 
@@ -60,7 +61,7 @@ def locate(
         LCE 2024 (arXiv 2505.24669), section 3.1; relabelling, verdict and uncertainty are ours.
     """
     config = config or LocateConfig()
-    frame = _check_frame(base_from_camera)
+    frame = frame_of_result(base_from_camera)
     stages = StageClock(on_stage)
     # one BLAS thread: sums in another order give other bits
     with threadpool_limits(1, user_api="blas"):
@@ -75,40 +76,24 @@ def locate(
             stages.done("relabelling")
         verdict = verify(best, prepared, view.scene, view.motor_points, config.verification)
         stages.done("verification")
-        bolts: tuple[LocatedBolt, ...] = ()
-        motor_mask: BoolArray | None = None
+        found = Found()
         if best is not None and verdict.status is Status.OK:
-            bolts = place_bolts(best, view, prepared, base_from_camera, config)
-            if config.label_scan:
-                motor_mask = relabel(
-                    prepared,
-                    best.camera_from_prior,
-                    scan.points,
-                    threshold_mm=config.relabel_mm or LocateConfig().relabel_mm,
-                )
+            found = find_in_view(
+                best, view, prepared, base_from_camera, config, hand_eye_error=hand_eye_error
+            )
         stages.done("bolts")
     return LocateResult(
         verdict=verdict,
         frame=frame,
-        bolts=bolts,
+        bolts=found.bolts,
         registration=best,
         prior_name=prepared.prior.name,
         base_from_camera=base_from_camera,
-        motor_mask=motor_mask,
+        motor_mask=found.motor_mask,
+        extra_heads=found.extra_heads,
         provenance={
             "version": boltpose.__version__,
             "config": asdict(config),
             **(provenance or {}),
         },
     )
-
-
-def _check_frame(base_from_camera: Transform | None) -> str:
-    if base_from_camera is None:
-        return "camera"
-    if (base_from_camera.target, base_from_camera.source) != ("base", "camera"):
-        raise FrameError(
-            f"hand-eye must be base_from_camera, got "
-            f"{base_from_camera.target}_from_{base_from_camera.source}"
-        )
-    return "base"

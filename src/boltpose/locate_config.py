@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 from boltpose.errors import ConfigError
 from boltpose.placement import PlacementConfig
 from boltpose.registration.config import RegistrationConfig, VerifyConfig, VisibilityConfig
+from boltpose.registration.extra_heads import ExtraHeadConfig
+from boltpose.registration.head_sight import BoltStateConfig
+from boltpose.tool_fit import ToolTolerance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,6 +21,8 @@ class LocateConfig:
     are then as fast and as accurate as 0.2 M (FINDINGS, section 1, "Budget")."""
     max_near_points: int = 300_000
     """Of more scan points around the motor so many are chosen to judge its bolts."""
+    max_state_points: int = 1_000_000
+    """Of more scan points so many are chosen to tell whether the bolts are still there."""
     min_motor_probability: float = 0.5
     """Scan points from this probability on are taken for the motor."""
     relabel_mm: float = 1.5
@@ -28,10 +33,14 @@ class LocateConfig:
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
     verification: VerifyConfig = field(default_factory=VerifyConfig)
     visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
+    bolt_state: BoltStateConfig = field(default_factory=BoltStateConfig)
+    extra_heads: ExtraHeadConfig = field(default_factory=ExtraHeadConfig)
     placement: PlacementConfig = field(default_factory=PlacementConfig)
+    tool: ToolTolerance | None = None
+    """What the tool forgives; given, `LocatedBolt.p_tool_fits` is filled."""
 
     def __post_init__(self) -> None:
-        for name in ("max_points", "max_near_points"):
+        for name in ("max_points", "max_near_points", "max_state_points"):
             if not getattr(self, name) >= 1000:
                 raise ConfigError(f"{name} must be >= 1000, got {getattr(self, name)}")
         if not 0 < self.min_motor_probability < 1:

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 import boltpose
 from boltpose.errors import ConfigError, FrameError
 from boltpose.joint_pose import (
-    Fusion,
     JudgedShot,
     SeenShot,
     Shot,
@@ -25,15 +24,14 @@ from boltpose.joint_pose import (
 from boltpose.joint_verdict import decide_jointly
 from boltpose.locate import locate
 from boltpose.locate_config import LocateConfig
-from boltpose.placement import place_bolt
 from boltpose.registration.joint import JointConfig
 from boltpose.registration.prepare import PreparedPrior, prepare_prior
 from boltpose.registration.verify import refuse_without_pose
-from boltpose.registration.visibility import BoltSight, see_bolts
-from boltpose.schema import LocatedBolt, LocateResult, Prior, Registration, Status
+from boltpose.schema import LocateResult, Prior, Registration, Status
+from boltpose.seen_bolts import Found, join_views, look_at_heads, move_heads, place_bolts
 from boltpose.segmentation.predictor import ScenePredictor
 from boltpose.stages import OnStage, StageClock
-from boltpose.view import points_around, see
+from boltpose.view import see
 
 __all__ = ["JointConfig", "Shot", "locate_views"]
 
@@ -84,6 +82,7 @@ def locate_views(
             shots[0].base_from_camera,
             predictor,
             config,
+            hand_eye_error=shots[0].hand_eye_error,
             provenance=provenance,
             on_stage=on_stage,
         )
@@ -102,7 +101,7 @@ def locate_views(
         if chosen is None:
             points = sum(len(one.view.motor_points) for one in seen)
             verdict = refuse_without_pose(points, config.verification)
-            reference, registration, bolts = seen[0], None, ()
+            reference, registration, found = seen[0], None, Found()
         else:
             hypothesis, score, runner_up = chosen
             judged = [judge_pose(one, hypothesis, prepared, config) for one in seen]
@@ -114,19 +113,20 @@ def locate_views(
             )
             verdict = decide_jointly(judged, fusion, registration, prepared, config, joint)
             stages.done("verification")
-            bolts = (
-                _place(judged, fusion, registration, reference, prepared, config)
+            found = (
+                _find(judged, registration, reference, prepared, config)
                 if verdict.status is Status.OK
-                else ()
+                else Found()
             )
             stages.done("bolts")
     return LocateResult(
         verdict=verdict,
         frame="base",
-        bolts=bolts,
+        bolts=found.bolts,
         registration=registration,
         prior_name=prepared.prior.name,
         base_from_camera=reference.shot.base_from_camera,
+        extra_heads=found.extra_heads,
         provenance={
             "version": boltpose.__version__,
             "config": asdict(config),
@@ -150,35 +150,26 @@ def _check_shots(shots: Sequence[Shot]) -> None:
             )
 
 
-def _place(
+def _find(
     judged: list[JudgedShot],
-    fusion: Fusion,
     registration: Registration,
     reference: SeenShot,
     prepared: PreparedPrior,
     config: LocateConfig,
-) -> tuple[LocatedBolt, ...]:
-    sights = [
-        see_bolts(
-            prepared,
-            one.pose.camera_from_prior,
-            points_around(one.seen.shot.scan, one.pose.camera_from_prior, prepared, config),
-            config.visibility,
-        )
-        for one in judged
+) -> Found:
+    seen = [
+        look_at_heads(one.seen.view, prepared, one.pose.camera_from_prior, config) for one in judged
     ]
-    best: list[BoltSight] = [
-        max(row, key=lambda sight: sight.visible_fraction) for row in zip(*sights, strict=True)
-    ]
-    return tuple(
-        place_bolt(
-            bolt,
+    base_from_reference = reference.shot.base_from_camera
+    # what one view shows another may, too: the view with the most tells of extra heads
+    most = max(range(len(seen)), key=lambda row: len(seen[row].extra))
+    return Found(
+        bolts=place_bolts(
             registration,
-            reference.shot.base_from_camera,
-            visible_fraction=sight.visible_fraction,
-            visibility=sight.visibility,
-            alignment_sigma_rad=prepared.prior.alignment.axis_sigma_rad,
-            config=config.placement,
-        )
-        for bolt, sight in zip(prepared.prior.bolts, best, strict=True)
+            join_views([view.bolts for view in seen]),
+            prepared,
+            base_from_reference,
+            config,
+        ),
+        extra_heads=move_heads(seen[most].extra, judged[most].seen.shot.base_from_camera),
     )

@@ -9,17 +9,15 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import boltpose
-from boltpose.arrays import BoolArray
-from boltpose.errors import FrameError
 from boltpose.geometry.transforms import Transform
 from boltpose.locate_config import LocateConfig
 from boltpose.registration.library import PriorLibrary
-from boltpose.registration.relabel import relabel
-from boltpose.schema import LocatedBolt, LocateResult, Prior, Scan, Status
+from boltpose.schema import HandEyeError, LocateResult, Prior, Scan, Status
+from boltpose.seen_bolts import Found, find_in_view
 from boltpose.segmentation.predictor import ScenePredictor
 from boltpose.stages import OnStage, StageClock
 from boltpose.variant_search import VariantConfig, VariantSearch
-from boltpose.view import place_bolts, see
+from boltpose.view import frame_of_result, see
 
 __all__ = ["VariantConfig", "locate_variant"]
 
@@ -32,6 +30,7 @@ def locate_variant(
     config: LocateConfig | None = None,
     variants: VariantConfig | None = None,
     *,
+    hand_eye_error: HandEyeError | None = None,
     provenance: Mapping[str, Any] | None = None,
     on_stage: OnStage | None = None,
 ) -> LocateResult:
@@ -50,6 +49,7 @@ def locate_variant(
         predictor: Scene segmentation (`load_models().scene`).
         config: Settings of every stage; defaults if left out.
         variants: When a motor counts as recognised.
+        hand_eye_error: How well `base_from_camera` is known; None takes it for exact.
         provenance: Kept in the result beside version and settings, JSON-ready.
         on_stage: Told each stage's name and wall time.
 
@@ -64,7 +64,7 @@ def locate_variant(
     """
     config = config or LocateConfig()
     variants = variants or VariantConfig()
-    frame = _check_frame(base_from_camera)
+    frame = frame_of_result(base_from_camera)
     stages = StageClock(on_stage)
     # one BLAS thread: sums in another order give other bits
     with threadpool_limits(1, user_api="blas"):
@@ -78,27 +78,26 @@ def locate_variant(
         search.compare()
         stages.done("look-alikes")
         best, verdict = search.decide()
-        bolts: tuple[LocatedBolt, ...] = ()
-        motor_mask: BoolArray | None = None
+        found = Found()
         if best.registration is not None and verdict.status is Status.OK:
-            prepared = library.prepared(best.row)
-            bolts = place_bolts(best.registration, view, prepared, base_from_camera, config)
-            if config.label_scan:
-                motor_mask = relabel(
-                    prepared,
-                    best.registration.camera_from_prior,
-                    scan.points,
-                    threshold_mm=config.relabel_mm or LocateConfig().relabel_mm,
-                )
+            found = find_in_view(
+                best.registration,
+                view,
+                library.prepared(best.row),
+                base_from_camera,
+                config,
+                hand_eye_error=hand_eye_error,
+            )
         stages.done("bolts")
     return LocateResult(
         verdict=verdict,
         frame=frame,
-        bolts=bolts,
+        bolts=found.bolts,
         registration=best.registration,
         prior_name=library.names[best.row],
         base_from_camera=base_from_camera,
-        motor_mask=motor_mask,
+        motor_mask=found.motor_mask,
+        extra_heads=found.extra_heads,
         variants=search.scores(best),
         provenance={
             "version": boltpose.__version__,
@@ -107,14 +106,3 @@ def locate_variant(
             **(provenance or {}),
         },
     )
-
-
-def _check_frame(base_from_camera: Transform | None) -> str:
-    if base_from_camera is None:
-        return "camera"
-    if (base_from_camera.target, base_from_camera.source) != ("base", "camera"):
-        raise FrameError(
-            f"hand-eye must be base_from_camera, got "
-            f"{base_from_camera.target}_from_{base_from_camera.source}"
-        )
-    return "base"

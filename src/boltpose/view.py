@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boltpose.arrays import BoolArray, FloatArray
-from boltpose.errors import DegenerateGeometryError
+from boltpose.errors import DegenerateGeometryError, FrameError
 from boltpose.geometry.sampling import canonical_rows
 from boltpose.geometry.transforms import Transform
 from boltpose.locate_config import LocateConfig
-from boltpose.placement import place_bolt
 from boltpose.registration.icp import refine_pose
 from boltpose.registration.prepare import PreparedPrior
 from boltpose.registration.register import RegistrationResult, register
 from boltpose.registration.relabel import near_prior
 from boltpose.registration.scene import Scene, build_scene
-from boltpose.registration.visibility import see_bolts
-from boltpose.schema import LocatedBolt, Registration, Scan
+from boltpose.schema import Registration, Scan
 from boltpose.segmentation.predictor import ScenePredictor
 
 
@@ -106,34 +104,17 @@ def points_around(
     return points[canonical_rows(points, config.max_near_points)]
 
 
-def place_bolts(
-    registration: Registration,
-    view: View,
-    prepared: PreparedPrior,
-    base_from_camera: Transform | None,
-    config: LocateConfig,
-) -> tuple[LocatedBolt, ...]:
-    """Carry all bolts of a prior into the result's frame and tell which the camera saw.
+def frame_of_result(base_from_camera: Transform | None) -> str:
+    """Name the frame that bolts are given in: `base`, or `camera` without a hand-eye.
 
-    Args:
-        registration: A verified pose.
-        view: What the camera saw.
-        prepared: The prior.
-        base_from_camera: Hand-eye; None leaves the bolts in frame `camera`.
-        config: Settings.
+    Raises:
+        FrameError: The hand-eye does not map `camera` to `base`.
     """
-    pose = registration.camera_from_prior
-    around = points_around(view.scan, pose, prepared, config)
-    sights = see_bolts(prepared, pose, around, config.visibility)
-    return tuple(
-        place_bolt(
-            bolt,
-            registration,
-            base_from_camera,
-            visible_fraction=sight.visible_fraction,
-            visibility=sight.visibility,
-            alignment_sigma_rad=prepared.prior.alignment.axis_sigma_rad,
-            config=config.placement,
+    if base_from_camera is None:
+        return "camera"
+    if (base_from_camera.target, base_from_camera.source) != ("base", "camera"):
+        raise FrameError(
+            f"hand-eye must be base_from_camera, got "
+            f"{base_from_camera.target}_from_{base_from_camera.source}"
         )
-        for bolt, sight in zip(prepared.prior.bolts, sights, strict=True)
-    )
+    return "base"

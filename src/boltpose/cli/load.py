@@ -10,14 +10,14 @@ import numpy as np
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.io.guard import require_file
-from boltpose.io.hand_eye import read_hand_eye
+from boltpose.io.hand_eye import hand_eye_error, read_hand_eye
 from boltpose.io.label_files import read_labelled_scan
 from boltpose.io.mesh import MESH_SUFFIXES, read_mesh
 from boltpose.io.mesh_sampling import sample_mesh
 from boltpose.io.part_names import read_part_names
 from boltpose.io.ply_header import read_ply_header
 from boltpose.io.scan import read_scan
-from boltpose.schema import Scan
+from boltpose.schema import HandEyeError, Scan
 
 _MESH_SEED = 0
 """A mesh is sampled at random; always the same way, so that a prior can be built again."""
@@ -65,9 +65,9 @@ def is_mesh(path: Path) -> bool:
     return any(element.name == "face" and element.count > 0 for element in header.elements)
 
 
-def read_base_from_camera(
+def read_hand_eye_of(
     hand_eye: Path | None, robot_pose: Path | None, unit: str
-) -> Transform | None:
+) -> tuple[Transform | None, HandEyeError | None]:
     """Read the hand-eye matrix; with a robot pose, that of a camera on the arm.
 
     Args:
@@ -76,7 +76,8 @@ def read_base_from_camera(
         unit: Unit of both.
 
     Returns:
-        `base_from_camera`; None without hand-eye.
+        `base_from_camera`, and how well it is known if the file holds residuals; None without
+        hand-eye.
 
     Raises:
         InputFileError: A file holds no rigid transform.
@@ -85,12 +86,13 @@ def read_base_from_camera(
     if hand_eye is None:
         if robot_pose is not None:
             raise ConfigError("--robot-pose needs --hand-eye, the camera in the flange")
-        return None
+        return None, None
     if robot_pose is None:
-        return read_hand_eye(hand_eye, unit=unit).transform
-    flange_from_camera = read_hand_eye(hand_eye, unit=unit, target="flange").transform
+        found = read_hand_eye(hand_eye, unit=unit)
+        return found.transform, hand_eye_error(found)
+    found = read_hand_eye(hand_eye, unit=unit, target="flange")
     base_from_flange = read_hand_eye(robot_pose, unit=unit, source="flange").transform
-    return base_from_flange @ flange_from_camera
+    return base_from_flange @ found.transform, hand_eye_error(found)
 
 
 def sha256_of(path: Path) -> str:

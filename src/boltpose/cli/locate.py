@@ -22,23 +22,35 @@ class Method(StrEnum):
 
 
 def locate_bolts(
-    scan: Annotated[
-        Path,
-        typer.Argument(metavar="SCAN", help="One view: .ply .pcd .zdf .npz or a depth .png."),
+    scans: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SCAN...",
+            help="A view: .ply .pcd .zdf .npz or a depth .png; several are of one clamping.",
+        ),
     ],
-    prior: Annotated[Path, typer.Option("--prior", metavar="FILE", help="The motor's .prior.npz.")],
+    prior: Annotated[
+        Path,
+        typer.Option(
+            "--prior",
+            metavar="FILE|DIR",
+            help="The motor's .prior.npz, or a folder of them: which motor is it?",
+        ),
+    ],
     hand_eye: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
             "--hand-eye",
             metavar="FILE",
-            help="base_from_camera, 4x4; with --robot-pose flange_from_camera.",
+            help="base_from_camera, 4x4; with --robot-pose flange_from_camera. Once per scan.",
         ),
     ] = None,
     robot_pose: Annotated[
-        Path | None,
+        list[Path] | None,
         typer.Option(
-            "--robot-pose", metavar="FILE", help="base_from_flange, for a camera on the arm."
+            "--robot-pose",
+            metavar="FILE",
+            help="base_from_flange, for a camera on the arm. Once per scan.",
         ),
     ] = None,
     output: Annotated[
@@ -53,6 +65,22 @@ def locate_bolts(
         LengthUnit,
         typer.Option("--hand-eye-unit", help="Unit of the hand-eye matrix and the robot pose."),
     ] = LengthUnit.MM,
+    hand_eye_sigma: Annotated[
+        str | None,
+        typer.Option(
+            "--hand-eye-sigma",
+            metavar="MM,DEG",
+            help="1 sigma of the hand-eye, for the stated uncertainty; else from its residuals.",
+        ),
+    ] = None,
+    tool_tolerance: Annotated[
+        str | None,
+        typer.Option(
+            "--tool-tolerance",
+            metavar="MM[,MM[,DEG]]",
+            help="How far beside, along and askew the tool still grips: p_tool_fits per bolt.",
+        ),
+    ] = None,
     camera: Annotated[
         Path | None,
         typer.Option("--camera", metavar="JSON", help="scene_camera.json of a depth .png."),
@@ -64,51 +92,51 @@ def locate_bolts(
     models: ModelsOption = None,
 ) -> None:
     """Locate every bolt of a clamped motor, also those the camera cannot see."""
-    inputs = (scan, prior, hand_eye, robot_pose, camera)
+    hand_eyes, robot_poses = hand_eye or [], robot_pose or []
+    inputs = (*scans, prior, *hand_eyes, *robot_poses, camera)
     check_output(output, POSES_SUFFIXES, inputs=inputs)
     check_output(picture, PICTURE_SUFFIXES, inputs=(*inputs, output))
     remove_stale(output, picture)
 
-    from boltpose.cli.load import read_base_from_camera, sha256_of
-    from boltpose.io.scan import read_scan
-    from boltpose.locate import LocateConfig, locate
-    from boltpose.prior.file import read_prior
+    from boltpose.cli.locate_call import call_locate
+    from boltpose.cli.locate_inputs import hash_inputs, parse_sigma, parse_tool, read_shots
+    from boltpose.locate_config import LocateConfig
     from boltpose.registration.config import RegistrationConfig
     from boltpose.results import dump_json, write_poses
     from boltpose.segmentation.models import load_models
 
-    known = read_prior(prior)
-    base_from_camera = read_base_from_camera(hand_eye, robot_pose, hand_eye_unit)
-    view = read_scan(scan, unit=scan_unit, camera=camera)
-    networks = load_models(models)
-    registration = RegistrationConfig(
-        method="paper" if method is Method.PAPER else "multi_start",
+    config = LocateConfig(
+        registration=RegistrationConfig(
+            method="paper" if method is Method.PAPER else "multi_start"
+        ),
+        label_scan=picture is not None,
+        tool=parse_tool(tool_tolerance),
     )
+    shots = read_shots(
+        scans,
+        hand_eyes,
+        robot_poses,
+        scan_unit=scan_unit,
+        hand_eye_unit=hand_eye_unit,
+        camera=camera,
+        sigma=parse_sigma(hand_eye_sigma),
+    )
+    networks = load_models(models)
+    provenance = {
+        **hash_inputs(scans, prior, hand_eyes, robot_poses),
+        "models": dict(networks.hashes),
+    }
     with StageProgress("locating", quiet=as_json) as progress:
-        result = locate(
-            view,
-            known,
-            base_from_camera,
-            networks.scene,
-            LocateConfig(registration=registration, label_scan=picture is not None),
-            provenance={
-                "scan": scan.name,
-                "scan_sha256": sha256_of(scan),
-                "prior_sha256": sha256_of(prior),
-                "hand_eye_sha256": None if hand_eye is None else sha256_of(hand_eye),
-                "robot_pose_sha256": None if robot_pose is None else sha256_of(robot_pose),
-                "models": dict(networks.hashes),
-            },
-            on_stage=progress.done,
-        )
+        call = call_locate(shots, prior, networks.scene, config, provenance, progress.done)
+    result = call.result
     timings_ms = {stage: 1000 * seconds for stage, seconds in progress.seconds.items()}
     if picture is not None:
         from boltpose.picture import draw_located
 
-        draw_located(picture, result, view, known, base_from_camera)
+        draw_located(picture, result, call.scan, call.prior, result.base_from_camera)
     if output is not None:
         write_poses(output, result, timings_ms)
-    if base_from_camera is None:
+    if result.base_from_camera is None:
         warn("no --hand-eye: poses are in frame 'camera', NOT in the robot's base")
     if as_json:
         typer.echo(dump_json(result, timings_ms), nl=False)

@@ -1,0 +1,141 @@
+"""What `boltpose locate` reads: scans, where the camera was, and how well that is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from boltpose.cli.load import read_hand_eye_of, sha256_of
+from boltpose.errors import ConfigError
+from boltpose.geometry.transforms import Transform
+from boltpose.io.scan import read_scan
+from boltpose.schema import HandEyeError, Scan
+from boltpose.tool_fit import ToolTolerance
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ShotFiles:
+    """One scan and its camera pose, as they were given."""
+
+    scan: Scan
+    base_from_camera: Transform | None
+    hand_eye_error: HandEyeError | None
+
+
+def read_shots(
+    scans: Sequence[Path],
+    hand_eyes: Sequence[Path],
+    robot_poses: Sequence[Path],
+    *,
+    scan_unit: str,
+    hand_eye_unit: str,
+    camera: Path | None,
+    sigma: HandEyeError | None,
+) -> list[ShotFiles]:
+    """Read every scan with its camera pose.
+
+    Args:
+        scans: At least one.
+        hand_eyes: One per scan; or one in all, where there is a robot pose per scan.
+        robot_poses: None, or one per scan.
+        scan_unit: Unit of the scans.
+        hand_eye_unit: Unit of the hand-eye matrices and robot poses.
+        camera: `scene_camera.json` of depth images.
+        sigma: How well the hand-eye is known; None takes it from the file's residuals, if any.
+
+    Raises:
+        InputFileError: A file cannot be used.
+        ConfigError: The numbers of files do not fit each other.
+    """
+    count = len(scans)
+    if robot_poses and len(robot_poses) != count:
+        raise ConfigError(f"{count} scans need {count} --robot-pose, got {len(robot_poses)}")
+    if robot_poses and len(hand_eyes) == 1:
+        hand_eyes = list(hand_eyes) * count
+    if count > 1 and len(hand_eyes) != count:
+        raise ConfigError(
+            f"{count} scans need {count} --hand-eye, or one and a --robot-pose per scan, "
+            f"got {len(hand_eyes)}"
+        )
+    if count == 1 and len(hand_eyes) > 1:
+        raise ConfigError(f"one scan needs one --hand-eye, got {len(hand_eyes)}")
+    shots = []
+    for row, path in enumerate(scans):
+        base_from_camera, error = read_hand_eye_of(
+            hand_eyes[row] if hand_eyes else None,
+            robot_poses[row] if robot_poses else None,
+            hand_eye_unit,
+        )
+        shots.append(
+            ShotFiles(
+                scan=read_scan(path, unit=scan_unit, camera=camera),
+                base_from_camera=base_from_camera,
+                hand_eye_error=None if base_from_camera is None else sigma or error,
+            )
+        )
+    return shots
+
+
+def hash_inputs(
+    scans: Sequence[Path],
+    prior: Path,
+    hand_eyes: Sequence[Path],
+    robot_poses: Sequence[Path],
+) -> dict[str, object]:
+    """Names and SHA-256 of what was read, for provenance; lists where there are several scans."""
+
+    def hashes(paths: Sequence[Path]) -> object:
+        found = [sha256_of(path) for path in paths]
+        if len(scans) > 1:
+            return found
+        return found[0] if found else None
+
+    names = [path.name for path in scans]
+    return {
+        "scan": names if len(names) > 1 else names[0],
+        "scan_sha256": hashes(scans),
+        "prior_sha256": sha256_of(prior) if prior.is_file() else None,
+        "hand_eye_sha256": hashes(hand_eyes),
+        "robot_pose_sha256": hashes(robot_poses),
+    }
+
+
+def parse_sigma(text: str | None) -> HandEyeError | None:
+    """Read `MM,DEG` of `--hand-eye-sigma`.
+
+    Raises:
+        ConfigError: It is no such pair.
+    """
+    if text is None:
+        return None
+    translation, rotation = _numbers("--hand-eye-sigma", text, "MM,DEG", most=2, least=2)
+    return HandEyeError(translation_sigma_mm=translation, rotation_sigma_rad=math.radians(rotation))
+
+
+def parse_tool(text: str | None) -> ToolTolerance | None:
+    """Read `LATERAL[,AXIAL[,DEG]]` of `--tool-tolerance`.
+
+    Raises:
+        ConfigError: It is no such list.
+    """
+    if text is None:
+        return None
+    values = _numbers("--tool-tolerance", text, "MM[,AXIAL_MM[,DEG]]", most=3, least=1)
+    return ToolTolerance(
+        lateral_mm=values[0],
+        axial_mm=values[1] if len(values) > 1 else None,
+        angle_rad=math.radians(values[2]) if len(values) > 2 else None,
+    )
+
+
+def _numbers(option: str, text: str, form: str, *, least: int, most: int) -> list[float]:
+    wanted = f"wanted {form}, positive numbers"
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise ConfigError(f"{option}: found '{text}', {wanted}") from error
+    if not least <= len(values) <= most or not all(0 < value < math.inf for value in values):
+        raise ConfigError(f"{option}: found '{text}', {wanted}")
+    return values
