@@ -67,7 +67,7 @@ class JudgedShot:
 
     seen: SeenShot
     registration: Registration | None
-    """Refined in this view; None if it sees too little to refine."""
+    """Refined in this view; None if the view does not hold it there."""
     pose: SeenPose
     verdict: Verdict
     has_say: bool
@@ -205,8 +205,9 @@ def _refine(
         )
     refined = register_again(start, one.view, prepared, config)
     pose = one.shot.base_from_camera @ refined.camera_from_prior
-    # slid away: what little is seen here does not hold the pose
-    return refined if is_near(pose, hypothesis, prepared, config) else None
+    # slid away or still sliding: what is seen here does not hold the pose
+    is_held = refined.converged and is_near(pose, hypothesis, prepared, config)
+    return refined if is_held else None
 
 
 def _unrefined(pose: Transform, prepared: PreparedPrior) -> Registration:
@@ -255,9 +256,7 @@ def fuse_shots(
         )
 
     refined = [
-        (one, estimate(one, one.registration))
-        for one in judged
-        if one.registration is not None and one.registration.converged
+        (one, estimate(one, one.registration)) for one in judged if one.registration is not None
     ]
     sure = [pair for pair in refined if pair[0].has_say] or refined
     limit = joint.max_distance_sigmas

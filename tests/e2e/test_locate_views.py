@@ -105,7 +105,7 @@ def test_the_order_of_the_views_does_not_matter(together, prepared) -> None:
     assert dump_json(backwards) == dump_json(together)
 
 
-@pytest.mark.parametrize("error_mm", [2.0, 20.0])
+@pytest.mark.parametrize("error_mm", [2.0, 6.0, 20.0])
 def test_a_motor_in_two_places_is_refused(prepared, error_mm: float) -> None:
     result = locate_views([shot(VIEWS[0]), shot(VIEWS[1], error_mm)], prepared, TrueLabels())
     assert result.verdict.status is Status.REFUSED
