@@ -15,6 +15,9 @@ from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import SceneConfig
 from boltpose.registration.prepare import PreparedPrior
 
+_MAX_CELLS = 4000
+"""Along either side of the buffer; a view of 60 degrees from 700 mm has 300."""
+
 
 class Standing(IntEnum):
     """How a point of a posed prior stands against the measured depth."""
@@ -78,8 +81,13 @@ def build_scene(points_camera: npt.ArrayLike, config: SceneConfig | None = None)
         cloud = cloud[canonical_rows(cloud, config.max_points)]
     ahead = is_ahead(cloud)
     cloud = cloud if ahead.all() else cloud[ahead]
-    cell_rad = config.cell_mm / float(np.median(cloud[:, 2])) if len(cloud) else 1.0
-    cell = np.floor(cloud[:, :2] / cloud[:, 2:] / cell_rad).astype(np.int64)
+    direction = cloud[:, :2] / cloud[:, 2:]
+    cell_rad = 1.0
+    if len(cloud):
+        widest = float(np.ptp(direction, axis=0).max())
+        # a scan in a wrong unit, a kilometre away, must not ask for a buffer of gigabytes
+        cell_rad = max(config.cell_mm / float(np.median(cloud[:, 2])), widest / _MAX_CELLS)
+    cell = np.floor(direction / cell_rad).astype(np.int64)
     if len(cell):
         origin = cell.min(axis=0) - 1
         shape = cell.max(axis=0) - origin + 2

@@ -88,3 +88,10 @@ def test_large_scans_are_thinned() -> None:
 def test_points_that_are_not_finite_are_refused() -> None:
     with pytest.raises(ShapeError, match="1 of 2 rows are not"):
         build_scene(np.array([[0.0, 0.0, 1.0], [0.0, np.nan, 1.0]]))
+
+
+def test_a_scan_in_a_wrong_unit_asks_for_no_more_memory_than_others() -> None:
+    rng = np.random.default_rng(0)
+    points = rng.uniform((-300, -300, 600), (300, 300, 800), (5000, 3))
+    scene = build_scene(points * 1000.0)
+    assert max(scene.nearest_mm.shape) < 4100
