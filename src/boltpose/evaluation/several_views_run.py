@@ -96,8 +96,6 @@ class ClampingRecord:
     fingerprint: str
     motor: str
     family: str
-    is_chooser: bool
-    """An even motor: `JointConfig` was chosen on these, the odd ones test."""
     views_apart_deg: float
     """Largest angle between two lines of sight."""
     cases: tuple[CaseRecord, ...]
@@ -209,7 +207,6 @@ def _measure(
         fingerprint=mark,
         motor=motor.name,
         family=motor.family,
-        is_chooser=motor.number % 2 == 0,
         views_apart_deg=float(np.degrees(np.arccos(np.clip(axes @ axes.T, -1, 1)).max())),
         cases=tuple(cases),
     )

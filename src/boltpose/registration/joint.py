@@ -40,12 +40,13 @@ class JointConfig:
     max_distance_sigmas: float = 7.0
     """Two views further apart than this, in units of what both state of themselves, contradict
     each other. Mahalanobis distance in six dimensions: at most 4.3 in all pairs of 48 views of
-    the factory (simulated; `evaluation.several_views_run`)."""
+    the factory, all of which were known when it was set (simulated;
+    `evaluation.several_views_run`)."""
 
     veto_factor: float = 1.5
     """All views together are held against the thresholds for one. A single view vetoes when what it
-    lacks is this many times what one view may lack: 3.75 % of its points off the surface, not
-    2.5 %."""
+    lacks is this many times what one view may lack: with `min_tight` 0.94, at 9 % of its points
+    off the surface."""
 
     def __post_init__(self) -> None:
         for name in ("shared_depth", "shared_hand_eye"):
