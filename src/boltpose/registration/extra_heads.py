@@ -129,9 +129,15 @@ def find_extra_heads(
     points = as_points(scan_points, "scan_points", at_least=0)
     local, distance = _around(prepared, camera_from_prior, points, config)
     heads: list[ExtraHead] = []
+    axis = prepared.prior.alignment.prior_from_motor.z_axis
+    sorted_by_x = local[np.argsort(local[:, 0], kind="stable")]
     for low, high in _things(local[distance > config.unknown_mm + _COARSE_SLACK_MM], config):
-        thing = local[_inside(local, low - _FOOT_MM, high + _FOOT_MM)].astype(np.float64)
-        away, _ = prepared.tree.query(thing)
+        first, last = np.searchsorted(sorted_by_x[:, 0], (low[0] - _FOOT_MM, high[0] + _FOOT_MM))
+        slab = sorted_by_x[first:last]
+        thing = slab[_inside(slab, low - _FOOT_MM, high + _FOOT_MM)].astype(np.float64)
+        if not _may_be_head(thing @ axis, config):
+            continue
+        away, _ = prepared.tree.query(thing, workers=-1)
         thing, away = thing[away > config.unknown_mm], away[away > config.unknown_mm]
         order = np.argsort(thing @ _KEY)
         head = _as_head(prepared, thing[order], away[order], config)
@@ -200,6 +206,20 @@ def _things(
                 (low * _CELL_MM + origin).astype(np.float32),
                 (high * _CELL_MM + origin).astype(np.float32),
             )
+
+
+def _may_be_head(heights: FloatArray, config: ExtraHeadConfig) -> bool:
+    """Tell, before its distance from the motor is asked for, whether a thing may have a flat top.
+
+    Its foot is among the points yet, so less than the wanted share is asked for.
+    """
+    if len(heights) < config.min_points:
+        return False
+    for height in (heights, -heights):
+        level = float(np.quantile(height, _LEVEL_QUANTILE))
+        if np.mean(np.abs(height - level) < config.face_mm) >= 0.4 * config.min_face_share:
+            return True
+    return False
 
 
 def _as_head(
