@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,8 @@ from boltpose.tool_fit import ToolTolerance
 from tests.support import records
 from tests.support.strategies import transforms
 
+EXACT = PlacementConfig(bolt_tilt_sigma_rad=0.0, sure_lateral_share=1.0, sure_axial_share=1.0)
+
 
 def place(
     bolt: PriorBolt, registration: Registration, base_from_camera: Transform | None
@@ -24,7 +28,7 @@ def place(
         visible_fraction=0.0,
         visibility=Visibility.HIDDEN,
         alignment_sigma_rad=0.0,
-        config=PlacementConfig(bolt_tilt_sigma_rad=0.0),
+        config=EXACT,
     )
 
 
@@ -94,7 +98,7 @@ def test_an_uncertain_hand_eye_counts_as_sampled_ones_do(base_from_camera: Trans
             visible_fraction=0.0,
             visibility=Visibility.HIDDEN,
             alignment_sigma_rad=0.0,
-            config=PlacementConfig(bolt_tilt_sigma_rad=0.0),
+            config=EXACT,
             hand_eye_error=hand_eye_error,
         )
 
@@ -136,3 +140,25 @@ def test_the_tool_fits_at_most_as_surely_as_the_bolt_is_one() -> None:
     assert tight is not None
     assert loose == pytest.approx(bolt.confidence)
     assert tight < 0.1 * loose
+
+
+def test_a_sure_bolt_is_better_known_than_its_prior_dares_to_say() -> None:
+    still = Transform.from_parts("camera", "prior", np.eye(3), (0.0, 0.0, 700.0))
+    exact = replace(records.registration(still), covariance=np.zeros((6, 6)))
+
+    def placed(*, is_sure: bool) -> LocatedBolt:
+        bolt = replace(records.prior_bolt(), is_sure=is_sure)
+        return place_bolt(
+            bolt,
+            exact,
+            None,
+            visible_fraction=0.0,
+            visibility=Visibility.HIDDEN,
+            alignment_sigma_rad=0.0,
+            config=PlacementConfig(),
+        )
+
+    sure, unsure = placed(is_sure=True), placed(is_sure=False)
+    assert unsure.sigma_lateral_mm == pytest.approx(records.prior_bolt().sigma_lateral_mm)
+    assert sure.sigma_lateral_mm == pytest.approx(0.5 * unsure.sigma_lateral_mm)
+    assert sure.sigma_axial_mm == pytest.approx(0.65 * unsure.sigma_axial_mm)

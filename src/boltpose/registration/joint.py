@@ -19,6 +19,7 @@ from boltpose.arrays import FloatArray
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import FineConfig
+from boltpose.registration.covariance import depth_bias_variance_mm2
 from boltpose.schema import HandEyeError, Registration
 
 _STEPS = 3
@@ -127,8 +128,8 @@ def estimate_in_base(
     turn = np.kron(np.eye(2), base_from_camera.rotation)
     arm = registration.centre_mm
     shared = np.zeros((6, 7))
-    # the part of the covariance that `icp` adds along the viewing direction
-    bias = max(fine.depth_sigma_mm**2 - fine.lateral_sigma_mm**2, 0.0)
+    # what the covariance of a view holds along its line of sight
+    bias = depth_bias_variance_mm2(arm, fine)
     shared[3:, 0] = np.sqrt(config.shared_depth * bias) * arm / np.linalg.norm(arm)
     own = registration.covariance - np.outer(shared[:, 0], shared[:, 0])
     if hand_eye_error is not None:

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 from boltpose.errors import DegenerateGeometryError
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.config import FineConfig
+from boltpose.registration.covariance import depth_bias_variance_mm2
 from boltpose.registration.icp import assess_pose, refine_pose
 from boltpose.registration.rigid_fit import fit_rigid
 from tests.unit.registration.scenes import pose, pose_error, prepared_motor, visible_points
@@ -49,7 +50,7 @@ def test_the_covariance_is_symmetric_positive_and_never_below_the_floor() -> Non
     assert np.linalg.eigvalsh(result.covariance)[0] > 0
     view = result.centre_mm / np.linalg.norm(result.centre_mm)
     along = view @ result.covariance[3:, 3:] @ view
-    assert along >= CONFIG.depth_sigma_mm**2
+    assert along >= depth_bias_variance_mm2(result.centre_mm, CONFIG)
     assert np.diag(result.covariance)[:3].min() >= CONFIG.rotation_sigma_rad**2
     np.testing.assert_allclose(result.centre_mm, TRUTH.apply(prepared_motor().centre_mm), atol=0.1)
 

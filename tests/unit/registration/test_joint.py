@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform, rotation_angle_rad
 from boltpose.registration.config import FineConfig
+from boltpose.registration.covariance import depth_bias_variance_mm2
 from boltpose.registration.joint import (
     JointConfig,
     PoseEstimate,
@@ -43,9 +44,7 @@ def registration(base_from_camera: Transform, base_from_prior: Transform = TRUTH
     centre = camera_from_prior.apply(CENTRE)
     sight = centre / np.linalg.norm(centre)
     covariance = NOISE.copy()
-    covariance[3:, 3:] += (FINE.depth_sigma_mm**2 - FINE.lateral_sigma_mm**2) * np.outer(
-        sight, sight
-    )
+    covariance[3:, 3:] += depth_bias_variance_mm2(centre, FINE) * np.outer(sight, sight)
     return Registration(
         camera_from_prior=camera_from_prior,
         converged=True,
