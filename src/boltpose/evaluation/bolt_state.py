@@ -148,16 +148,14 @@ def _judge_view(view: BoltView, prepared: PreparedPrior) -> dict[str, Any]:
             if np.linalg.norm(true.head_top_mm - head.head_top_mm) < _SAME_HEAD_MM
         ]
         hit.update(near)
+        off_mm = np.linalg.norm(view.present_mm - head.head_top_mm, axis=1).min(initial=np.inf)
         extra.append(
             {
-                "is_true": bool(near),
+                # a bolt that the prior failed to find counts too
+                "is_true": bool(off_mm < _SAME_HEAD_MM),
                 "diameter_mm": _rounded(head.diameter_mm),
                 "height_mm": _rounded(head.height_mm),
-                "off_mm": _rounded(
-                    float(np.linalg.norm(view.surplus[near[0]].head_top_mm - head.head_top_mm))
-                )
-                if near
-                else None,
+                "off_mm": _rounded(float(off_mm)) if off_mm < _SAME_HEAD_MM else None,
             }
         )
     surplus = [

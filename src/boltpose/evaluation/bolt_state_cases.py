@@ -82,6 +82,8 @@ class BoltView:
     heads: tuple[TrueHead, ...]
     """In the prior's order."""
     surplus: tuple[Surplus, ...]
+    present_mm: FloatArray
+    """Shape (K, 3), frame `camera`: tops of all heads that are there, known to the prior or not."""
     changes: tuple[str, ...]
 
 
@@ -107,7 +109,10 @@ def read_bolt_view(root: Path, view: TrueView, prepared: PreparedPrior, *, seed:
         _true_head(bolt, scanned, before["bolts"], now["bolts"]) for bolt in prepared.prior.bolts
     )
     rng = np.random.default_rng([seed, int(view.motor.rsplit("_", 1)[1]), view.index])
+    present = [entry["B"]["head_top"] for entry in now["bolts"] if entry.get("present", True)]
+    present += [entry["head_top_B"] for entry in now.get("surplus", ())]
     return BoltView(
+        present_mm=np.array(present, dtype=np.float64).reshape(-1, 3),
         name=f"{view.motor}/{view.index}",
         camera_from_prior=misplace(view.camera_from_prior, prepared.centre_mm, rng),
         points=np.asarray(read_scan(view.depth_path).points),

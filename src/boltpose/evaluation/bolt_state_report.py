@@ -127,8 +127,9 @@ def _extra(views: dict[str, list[dict[str, Any]]]) -> str:
         return ""
     count = sum(len(of) for of in views.values())
     return (
-        f"Surplus heads, in {count} views: {len(found)} reported, {right} of them right; "
-        "the others are screws and pins of clamps that stand on the motor. "
+        f"Surplus heads, in {count} views: {len(found)} reported, {right} of them bolts "
+        "that are there and not in the prior; what else is reported are the screws with which "
+        "clamps of the kind `flange_plate` hold the motor by its flange. "
         f"Found were {' and '.join(told)}."
     )
 
