@@ -106,7 +106,7 @@ def measure(
 
 
 def _write(path: Path, document: dict[str, Any]) -> None:
-    data = json.dumps(document, indent=0, sort_keys=True).encode()
+    data = json.dumps(document, sort_keys=True, separators=(",", ":")).encode()
 
     def write(stream: BinaryIO) -> None:
         stream.write(data)

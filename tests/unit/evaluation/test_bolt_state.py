@@ -63,7 +63,7 @@ def test_bolts_are_counted_by_fate_state_and_what_was_visible(tmp_path: Path) ->
 
     assert "| 2 of 3 | 1 of 3 | 1 of 4 | 1 of 2 | 1 of 1 | 0 of 1 |" in text
     assert "| from 1.5 | 1 of 1 | - |" in text
-    assert "1 reported, 1 of them right" in text
+    assert "1 reported, 1 of them bolts" in text
     assert "simulated" in text.splitlines()[0]
 
 
