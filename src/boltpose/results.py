@@ -108,7 +108,7 @@ class VariantPose(_Record):
     status: Status
     p_correct: Share
     score: float | None
-    """Of its best pose; null if there was none."""
+    """Share of the motor points that agree with it; null if no pose was found."""
 
 
 class Candidate(_Record):
@@ -141,7 +141,8 @@ class PosesFile(_Record):
     """Probability that every bolt is at most 2 mm and 2 degrees off."""
     bolts: list[BoltPose]
     extra_heads: list[ExtraHeadPose]
-    """Heads the camera saw that the prior does not know; a screwdriver may be needed there too."""
+    """What looks like heads that the prior does not know: a hint for a person; it may be a screw of
+    the clamp."""
     variants: list[VariantPose]
     """The known motors that were tried, best first; empty if the motor was given."""
     camera_from_prior: Matrix4 | None

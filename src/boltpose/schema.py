@@ -265,7 +265,8 @@ class HandEyeError:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ExtraHead:
-    """What looks like the head of a bolt where the prior has none."""
+    """What looks like the head of a bolt where the prior has none: a hint for a person, it may be a
+    screw of the clamp; see `registration.extra_heads`."""
 
     head_top_mm: FloatArray
     """Shape (3,), in the frame of the result: the middle of its top face."""
@@ -281,7 +282,8 @@ class VariantScore:
     status: Status
     p_correct: float
     score: float
-    """`Registration.score` of its best pose; -inf if there was none."""
+    """Share, 0 to 1, of the motor points that agree with it; -inf if no pose was found. A motor
+    that was compared but not registered in full is `refused` with `p_correct` 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

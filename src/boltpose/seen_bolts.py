@@ -111,7 +111,8 @@ def look_at_heads(
             SeenBolt(sight=sight, judgement=judgement)
             for sight, judgement in zip(sights, judgements, strict=True)
         ),
-        extra=find_extra_heads(prepared, camera_from_prior, around, config.extra_heads),
+        # chosen points, as its settings were measured: more of them make clamps look like heads
+        extra=find_extra_heads(prepared, camera_from_prior, view.points, config.extra_heads),
     )
 
 

@@ -63,6 +63,7 @@ def evaluate(
     from boltpose.evaluation.study_records import read_study_records
     from boltpose.evaluation.study_tables import render_study
     from boltpose.evaluation.summary import cli_summary
+    from boltpose.evaluation.trust_report import draw_trust, trust_sections
 
     if not report_only:
         run_evaluation(
@@ -78,8 +79,14 @@ def evaluate(
     )
     priors, calibration = report_calibration(records.parent, report)
     text = render_report(
-        measured, foreign=foreign, study=study, priors=priors, calibration=calibration
+        measured,
+        foreign=foreign,
+        study=study,
+        priors=priors,
+        calibration=calibration,
+        trust=trust_sections(records.parent),
     )
+    draw_trust(records.parent, report)
     write_report(report, text)
     answer_console().print(cli_summary(measured))
     note_console().print(f"wrote {report}", soft_wrap=True)

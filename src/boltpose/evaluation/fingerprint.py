@@ -36,6 +36,7 @@ RENDERING = frozenset(
         "prior_tables.py",
         "calibration_tables.py",
         "calibration_report.py",
+        "trust_report.py",
     }
 )
 """Modules of `evaluation` that only read records."""

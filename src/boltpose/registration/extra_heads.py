@@ -47,7 +47,9 @@ _KEY = np.array([0.7548776662466927, 0.5698402909980532, 1.0])
 class ExtraHeadConfig:
     """What must be known of a thing on the motor to call it a bolt's head.
 
-    Set so that cables, plugs, grease and parts of clamps pass in no simulated view.
+    A hint for a person, no command for a robot: of the 10 heads reported in 456 simulated views 5
+    were bolts that the prior lacked and 5 were screws of a clamp (`flange_plate`), and of the
+    18 such bolts of which half could be seen 3 were reported.
     """
 
     unknown_mm: float = 1.0
