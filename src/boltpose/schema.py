@@ -265,8 +265,10 @@ class HandEyeError:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ExtraHead:
-    """What looks like the head of a bolt where the prior has none: a hint for a person, it may be a
-    screw of the clamp; see `registration.extra_heads`."""
+    """What looks like the head of a bolt where the prior has none.
+
+    A hint for a person: it may be a screw of the clamp, see `registration.extra_heads`.
+    """
 
     head_top_mm: FloatArray
     """Shape (3,), in the frame of the result: the middle of its top face."""
