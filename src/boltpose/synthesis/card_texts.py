@@ -46,8 +46,8 @@ of 500 points, even by area, on the outer surface of a head that have a pixel of
 ANGLES_TEXT = """
 Here every clamping is seen {angles} times, not once: views with the same `clamping` in bolts.json
 (V // {angles}) show one motor in one clamp, untouched between the shots, by one camera from
-{angles} places. Its settings and its systematic errors (scale, bias, ripple, lumps, warp) are the same in
-all of them.
+{angles} places. Its settings and its systematic errors (scale, bias, ripple, lumps, warp) are the
+same in all of them.
 """
 
 LIMITS_TEXT = """
