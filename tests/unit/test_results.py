@@ -68,9 +68,13 @@ def test_files_that_contradict_themselves_are_refused(change: dict[str, object],
         PosesFile.model_validate(data | change)
 
 
-def test_a_mirrored_or_turned_bolt_is_refused() -> None:
+def test_a_mirrored_turned_or_unexplained_bolt_is_refused() -> None:
     data = to_file(results.located(results.cube_prior())).model_dump(mode="json", by_alias=True)
     bolt = data["bolts"][0]
+    for state, reason in (("contradicted", ""), ("confirmed", "something else")):
+        changed = data | {"bolts": [bolt | {"state": state, "state_reason": reason}]}
+        with pytest.raises(ValidationError, match="a contradiction, and only that"):
+            PosesFile.model_validate(changed)
     for rotation, text in (
         (np.diag([1.0, 1.0, -1.0]) @ bolt["rotation"], "mirrors"),
         (2 * np.array(bolt["rotation"]), "not orthonormal"),

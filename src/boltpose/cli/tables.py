@@ -11,13 +11,27 @@ from rich.table import Table
 from rich.text import Text
 
 from boltpose.arrays import FloatArray
-from boltpose.schema import LocatedBolt, LocateResult, Prior, PriorBolt, Verdict, Visibility
+from boltpose.schema import (
+    BoltState,
+    LocatedBolt,
+    LocateResult,
+    Prior,
+    PriorBolt,
+    Verdict,
+    Visibility,
+)
 
 _VISIBILITY_STYLE = {
     Visibility.VISIBLE: "green",
     Visibility.PARTIAL: "yellow",
     Visibility.HIDDEN: "dark_orange",
 }
+_STATE_MARK = {
+    BoltState.CONFIRMED: Text("+", style="green"),
+    BoltState.UNSEEN: Text(" "),
+    BoltState.CONTRADICTED: Text("!", style="bold red"),
+}
+"""Behind what was seen of a bolt; the contradicted ones are named above the table."""
 
 
 def describe_result(result: LocateResult) -> RenderableType:
@@ -77,10 +91,26 @@ def _verdict_panel(result: LocateResult) -> Panel:
         unsure = [bolt.id for bolt in result.bolts if not bolt.is_sure]
         if unsure:
             body.append(Text(f"unsure in the prior: {', '.join(unsure)}", style="yellow"))
+        body += [
+            Text(f"CONTRADICTED, no tool there: {bolt.id}: {bolt.state_reason}", style="bold red")
+            for bolt in result.bolts
+            if bolt.state is BoltState.CONTRADICTED
+        ]
+        body += [
+            Text(
+                f"perhaps a bolt that the prior lacks, {head.diameter_mm:.0f} mm wide, at "
+                f"{_numbers(head.head_top_mm, '.1f')}",
+                style="yellow",
+            )
+            for head in result.extra_heads
+        ]
     else:
         codes = ", ".join(str(check) for check in result.verdict.failed)
         body = [Text(f"REFUSED, no pose is given: {codes}", style="bold red")]
         body += [Text(f"- {reason}") for reason in result.verdict.reasons]
+    if result.variants:
+        tried = ", ".join(f"{entry.name} {max(entry.score, 0.0):.2f}" for entry in result.variants)
+        body.append(Text(f"agreement of the motors compared: {tried}"))
     style = "green" if result.is_ok else "red"
     title = f"prior '{result.prior_name}'"
     return Panel(Group(*body), title=title, title_align="left", border_style=style, expand=False)
@@ -110,23 +140,29 @@ def _bolt_table(result: LocateResult) -> Table:
     table.add_column("side", no_wrap=True)
     for name in ("position", "axis", "seen", "sigma\nmm", "sigma\ndeg"):
         table.add_column(name, justify="right", no_wrap=True)
+    has_tool = any(bolt.p_tool_fits is not None for bolt in result.bolts)
+    if has_tool:
+        table.add_column("fits", justify="right", no_wrap=True)
     table.add_column("sure", no_wrap=True)
     for bolt in result.bolts:
-        table.add_row(*_bolt_row(bolt))
+        table.add_row(*_bolt_row(bolt, has_tool=has_tool))
     return table
 
 
-def _bolt_row(bolt: LocatedBolt) -> tuple[str | Text, ...]:
+def _bolt_row(bolt: LocatedBolt, *, has_tool: bool) -> tuple[str | Text, ...]:
     seen = Text(f"{bolt.visibility} {math.floor(100 * bolt.visible_fraction):3d}%")
     seen.stylize(_VISIBILITY_STYLE[bolt.visibility])
+    seen.append_text(_STATE_MARK[bolt.state])
+    tool = "" if bolt.p_tool_fits is None else f"{math.floor(100 * bolt.p_tool_fits)}%"
     return (
         bolt.id,
         str(bolt.side),
         _numbers(bolt.head_top, "8.2f"),
-        _numbers(bolt.axis, "6.3f"),
+        _numbers(bolt.axis, "5.2f"),
         seen,
         f"{bolt.sigma_lateral_mm:.2f}/{bolt.sigma_axial_mm:.2f}",
         f"{math.degrees(bolt.sigma_axis_rad):.2f}",
+        *((tool,) if has_tool else ()),
         _sure(bolt.is_sure),
     )
 

@@ -2,12 +2,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from boltpose.cli.exit_codes import ExitCode
-from boltpose.schema import LocateResult
+from boltpose.schema import BoltState, ExtraHead, LocateResult, Status, VariantScore
 from tests.support import results
 from tests.unit.cli.conftest import LOCATE, Cell, Run, write_matrix
 
@@ -151,3 +152,48 @@ def test_a_failed_run_leaves_no_poses_of_the_run_before(
 
     assert run(*arguments).code == ExitCode.BAD_INPUT
     assert not poses.exists()
+
+
+def test_what_the_camera_contradicts_stands_on_top(run: Run, cell: Cell, answer: Answer) -> None:
+    def contradicted(scan, prior, base_from_camera) -> LocateResult:
+        result = results.located(prior, base_from_camera)
+        seen, partly, hidden = result.bolts
+        return replace(
+            result,
+            bolts=(
+                replace(seen, state=BoltState.CONFIRMED, p_tool_fits=0.987),
+                replace(
+                    partly,
+                    state=BoltState.CONTRADICTED,
+                    state_reason="the camera saw 4.1 mm deeper: a missing screw",
+                    p_tool_fits=0.0,
+                ),
+                replace(hidden, p_tool_fits=0.5),
+            ),
+            extra_heads=(
+                ExtraHead(head_top_mm=np.array([1.0, 2.0, 3.0]), diameter_mm=10.0, height_mm=5.0),
+            ),
+            variants=(
+                VariantScore(name="cube", status=Status.OK, p_correct=0.99, score=0.91),
+                VariantScore(name="cone", status=Status.REFUSED, p_correct=0.0, score=-np.inf),
+            ),
+        )
+
+    answer(contradicted)
+    outcome = run(
+        "locate", cell.scan, "--prior", cell.prior, "--hand-eye", cell.hand_eye,
+        "-o", cell.folder / "poses.json",
+    )  # fmt: skip
+
+    text = " ".join(outcome.out.replace("│", " ").split())
+    assert "CONTRADICTED, no tool there: T2: the camera saw 4.1 mm deeper: a missing" in text
+    assert "perhaps a bolt that the prior lacks, 10 mm wide, at 1.0 2.0 3.0" in text
+    assert "agreement of the motors compared: cube 0.91, cone 0.00" in text
+    assert "98%" in text
+    written = json.loads((cell.folder / "poses.json").read_text())
+    states = [(bolt["state"], bolt["p_tool_fits"]) for bolt in written["bolts"]]
+    assert states == [("confirmed", 0.987), ("contradicted", 0.0), ("unseen", 0.5)]
+    assert written["extra_heads"][0]["head_top"] == [1.0, 2.0, 3.0]
+    assert written["variants"][1] == {
+        "name": "cone", "status": "refused", "p_correct": 0.0, "score": None,
+    }  # fmt: skip
