@@ -246,6 +246,7 @@ def _draw_growth(axes: Axes, motors: Sequence[ClampingRecord]) -> None:
         xticks=counts,
         xlabel="views of one clamping",
         ylabel="error, mm",
+        ylim=(1e-3, None),
         title="more views, less depth bias (simulated)",
     )
     axes.legend(fontsize="small")
