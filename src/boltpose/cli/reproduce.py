@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 
 class Table(StrEnum):
-    """What can be reproduced, as `boltpose.evaluation.study_rows` knows it (a test compares)."""
+    """What can be reproduced; of networks as `evaluation.study_rows` knows it (a test compares)."""
 
+    TABLE1 = "table1"
     TABLE2 = "table2"
     TABLE3 = "table3"
     BINARY = "binary"
@@ -43,9 +44,10 @@ def reproduce(
     table: Annotated[
         Table,
         typer.Argument(
-            metavar="table2|table3|binary|curve|honest|all",
-            help="The paper's tables 2 and 3 and its binary segmentation; curve: scores against "
-            "the budget; honest: table 2 by leaving out one family.",
+            metavar="table1|table2|table3|binary|curve|honest|all",
+            help="The paper's table 1, registration (needs the extra `bench`; takes --data, --out, "
+            "--work); its tables 2 and 3 and binary segmentation; curve: scores against the "
+            "budget; honest: table 2 by leaving out one family; all: what is of networks.",
         ),
     ],
     data: Annotated[
@@ -132,6 +134,9 @@ def reproduce(
 ) -> None:
     """Train and test the paper's networks, resumable run by run; several processes may share."""
     check_output(picture, (".png", ".svg", ".pdf"))
+    if table is Table.TABLE1:
+        _reproduce_table1(data, out, work, report_only=report_only)
+        return
 
     from boltpose.evaluation.study_records import read_study_records
     from boltpose.evaluation.study_rows import TABLES
@@ -172,6 +177,30 @@ def reproduce(
     else:
         # plain: a console would wrap the rows of the tables
         typer.echo(render_study(records, tables=tables))
+
+
+def _reproduce_table1(
+    data: Path, out: Path | None, work: Path | None, *, report_only: bool
+) -> None:
+    from boltpose.cli.study_progress import MotorProgress
+    from boltpose.evaluation.table1_report import render_table1
+    from boltpose.evaluation.table1_run import FOLDER, run_table1
+
+    out = out or Path("results") / FOLDER
+    if not report_only:
+        try:
+            with MotorProgress("table 1") as progress:
+                run_table1(data, (work or Path("runs")) / FOLDER, out, on_motor=progress.done)
+        except KeyboardInterrupt:
+            typer.echo(
+                "boltpose: interrupted; finished motors are kept, the same command goes on",
+                err=True,
+            )
+            raise typer.Exit(ExitCode.INTERRUPTED) from None
+    text = render_table1(out)
+    if not text:
+        raise InputFileError(out, "no record of a motor", "the folder reproduce table1 wrote to")
+    typer.echo("\n\n".join(text))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,30 @@ from boltpose.cli.console import LiveProgress, note_console
 from boltpose.evaluation.study_records import StudyRecord
 
 
+class MotorProgress(LiveProgress):
+    """A bar for the motors of an evaluation; on a log, a line per finished motor."""
+
+    def __init__(self, title: str) -> None:
+        """Show nothing yet."""
+        self._console = note_console()
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+            transient=True,
+        )
+        self._task = self._progress.add_task(title, total=1)
+
+    def done(self, name: str, done: int, count: int) -> None:
+        """Note a finished motor."""
+        self._progress.update(self._task, completed=done, total=count)
+        self._console.print(f"{done}/{count}  {name}", soft_wrap=True)
+
+
 class StudyProgress(LiveProgress):
     """A bar for the runs and one for the training at hand; on a log, a line per finished run."""
 

@@ -8,11 +8,13 @@ from boltpose.evaluation import (
     bolt_state_report,
     hard_report,
     several_views_report,
+    table1_report,
     uncertainty_report,
     variants_report,
 )
 from boltpose.evaluation.hard_picture import draw_verdict
 from boltpose.evaluation.several_views_report import draw_several_views
+from boltpose.evaluation.table1_report import draw_table1
 from boltpose.evaluation.uncertainty_report import draw_uncertainty
 from boltpose.evaluation.variants_picture import draw_variants
 
@@ -22,6 +24,7 @@ _REPORTS = (
     bolt_state_report,
     variants_report,
     several_views_report,
+    table1_report,
 )
 
 
@@ -32,5 +35,5 @@ def trust_sections(results: Path) -> list[str]:
 
 def draw_trust(results: Path, report: Path) -> None:
     """Draw the pictures that the sections show, beside the report."""
-    for draw in (draw_verdict, draw_uncertainty, draw_variants, draw_several_views):
+    for draw in (draw_verdict, draw_uncertainty, draw_variants, draw_several_views, draw_table1):
         draw(results, report)
