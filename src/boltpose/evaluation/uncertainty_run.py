@@ -12,10 +12,13 @@ from __future__ import annotations
 import argparse
 import json
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
+
+import numpy as np
 
 from boltpose.errors import InputFileError
 from boltpose.evaluation.bolts import match_bolts
@@ -34,7 +37,7 @@ from boltpose.schema import LocatedBolt, Scan
 from boltpose.segmentation.models import Models, load_models
 from boltpose.tool_fit import ToolTolerance, tool_fit_probability
 
-FORMAT = "boltpose.uncertainty/1"
+FORMAT = "boltpose.uncertainty/2"
 FOLDER = "uncertainty"
 TOLERANCES_MM = (0.05, 0.1, 0.15, 0.2, 0.3, 0.5, 1.0)
 """Of the tools that are held against every bolt."""
@@ -48,6 +51,9 @@ class UncertainBolt:
 
     view: int
     bolt: LocatedBoltRecord
+    sigmas_across_mm: tuple[float, float]
+    """1 sigma beside the axis in the worse and in the better direction. `sigma_lateral_mm`, made
+    for a glance, is the worse one; the covariance that a tool is judged by holds both."""
     tool_fits: tuple[float, ...]
     """Stated probability that a tool of every one of `TOLERANCES_MM` fits."""
 
@@ -110,7 +116,10 @@ def measure_motor(truth: TrueMotor, models: Models, priors: Path, mark: str) -> 
         compared = compare_with_truth(result, view, truth.bolts, true_id_of)
         bolts += [
             UncertainBolt(
-                view=view.index, bolt=record, tool_fits=_tool_fits(located[record.found_id])
+                view=view.index,
+                bolt=record,
+                sigmas_across_mm=sigmas_across_mm(located[record.found_id]),
+                tool_fits=_tool_fits(located[record.found_id]),
             )
             for record in compared.bolts
         ]
@@ -121,6 +130,14 @@ def measure_motor(truth: TrueMotor, models: Models, priors: Path, mark: str) -> 
         family=truth.family,
         bolts=tuple(bolts),
     )
+
+
+def sigmas_across_mm(bolt: LocatedBolt) -> tuple[float, float]:
+    """1 sigma beside the axis in the worse and in the better direction."""
+    beside = np.eye(3) - np.outer(bolt.axis, bolt.axis)
+    # the smallest of the three is that along the axis, which is taken out
+    variances = np.linalg.eigvalsh(beside @ bolt.covariance_mm2 @ beside)
+    return math.sqrt(variances[2]), math.sqrt(max(variances[1], 0.0))
 
 
 def _tool_fits(bolt: LocatedBolt) -> tuple[float, ...]:
