@@ -12,17 +12,21 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from boltpose.errors import BoltposeError
     from boltpose.geometry.transforms import Transform
-    from boltpose.io.hand_eye import HandEye, read_hand_eye
+    from boltpose.io.hand_eye import HandEye, hand_eye_error, read_hand_eye
     from boltpose.io.scan import read_scan
     from boltpose.locate import LocateConfig, locate
+    from boltpose.locate_views import Shot, locate_views
     from boltpose.picture import draw_located, draw_prior
     from boltpose.prior.build import BuildConfig, build_prior
     from boltpose.prior.edit import add_bolt, confirm_bolt, remove_bolt
     from boltpose.prior.file import read_prior, write_prior
+    from boltpose.registration.library import PriorLibrary
     from boltpose.registration.prepare import prepare_prior
     from boltpose.results import read_poses, write_poses
     from boltpose.schema import (
+        BoltState,
         Check,
+        HandEyeError,
         LocatedBolt,
         LocateResult,
         Part,
@@ -35,12 +39,16 @@ if TYPE_CHECKING:
         Visibility,
     )
     from boltpose.segmentation.models import Models, load_models
+    from boltpose.tool_fit import ToolTolerance
+    from boltpose.variants import locate_variant
 
 __all__ = [
+    "BoltState",
     "BoltposeError",
     "BuildConfig",
     "Check",
     "HandEye",
+    "HandEyeError",
     "LocateConfig",
     "LocateResult",
     "LocatedBolt",
@@ -48,9 +56,12 @@ __all__ = [
     "Part",
     "Prior",
     "PriorBolt",
+    "PriorLibrary",
     "Scan",
+    "Shot",
     "Side",
     "Status",
+    "ToolTolerance",
     "Transform",
     "Verdict",
     "Visibility",
@@ -60,8 +71,11 @@ __all__ = [
     "confirm_bolt",
     "draw_located",
     "draw_prior",
+    "hand_eye_error",
     "load_models",
     "locate",
+    "locate_variant",
+    "locate_views",
     "prepare_prior",
     "read_hand_eye",
     "read_poses",
@@ -75,18 +89,24 @@ __all__ = [
 _HOMES = {
     "boltpose.errors": ("BoltposeError",),
     "boltpose.geometry.transforms": ("Transform",),
-    "boltpose.io.hand_eye": ("HandEye", "read_hand_eye"),
+    "boltpose.io.hand_eye": ("HandEye", "hand_eye_error", "read_hand_eye"),
     "boltpose.io.scan": ("read_scan",),
     "boltpose.locate": ("LocateConfig", "locate"),
+    "boltpose.locate_views": ("Shot", "locate_views"),
     "boltpose.picture": ("draw_located", "draw_prior"),
     "boltpose.prior.build": ("BuildConfig", "build_prior"),
     "boltpose.prior.edit": ("add_bolt", "confirm_bolt", "remove_bolt"),
     "boltpose.prior.file": ("read_prior", "write_prior"),
+    "boltpose.registration.library": ("PriorLibrary",),
     "boltpose.registration.prepare": ("prepare_prior",),
     "boltpose.results": ("read_poses", "write_poses"),
     "boltpose.segmentation.models": ("Models", "load_models"),
+    "boltpose.tool_fit": ("ToolTolerance",),
+    "boltpose.variants": ("locate_variant",),
     "boltpose.schema": (
+        "BoltState",
         "Check",
+        "HandEyeError",
         "LocateResult",
         "LocatedBolt",
         "Part",
@@ -118,10 +138,10 @@ def __dir__() -> list[str]:
 
 class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
-        # importing the submodule `locate` puts it here under the name of the public function;
+        # importing the submodule puts it here under the name of its public function, but
         # `from boltpose import locate` must give the function, whatever was imported before
-        if name == "locate" and isinstance(value, ModuleType):
-            value = value.locate
+        if name in ("locate", "locate_views") and isinstance(value, ModuleType):
+            value = getattr(value, name)
         super().__setattr__(name, value)
 
 

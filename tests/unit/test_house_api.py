@@ -39,10 +39,17 @@ def test_every_error_is_ours_and_a_builtin() -> None:
 
 
 @pytest.mark.parametrize(
-    "first", ["import boltpose.locate", "from boltpose.locate import LocateConfig", "pass"]
+    "first",
+    [
+        "import boltpose.locate, boltpose.locate_views",
+        "from boltpose.locate import LocateConfig",
+        "from boltpose.locate_views import Shot",
+        "pass",
+    ],
 )
-def test_the_name_locate_is_the_function_whatever_was_imported_before(first: str) -> None:
-    code = f"{first}\nfrom boltpose import locate\nassert callable(locate), locate"
+def test_a_module_never_stands_in_for_its_function(first: str) -> None:
+    code = f"{first}\nfrom boltpose import locate, locate_views\n"
+    code += "assert callable(locate) and callable(locate_views)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
 
     assert (done.returncode, done.stderr) == (0, "")
