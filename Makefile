@@ -20,10 +20,10 @@ export MPLBACKEND := Agg
 BLENDER_VENV := .venv-blender
 BLENDER_PYTHON ?= python3.11
 
-.PHONY: help setup fmt check test test-all test-blender test-cluster demo evaluate models bench bench-factory docs clean
+.PHONY: help setup fmt check test test-all test-blender test-cluster demo evaluate models trust bench bench-registration bench-factory docs clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-12s %s\n", $$1, $$2}' Makefile
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-18s %s\n", $$1, $$2}' Makefile
 
 setup: $(VENV)/.dev.stamp ## create .venv with everything development needs
 
@@ -77,6 +77,27 @@ models: $(VENV)/.dev.stamp ## make synthetic data, then train, calibrate and des
 bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
 	$(PIP) -e ".[bench]"
 	for script in benchmarks/bench_*.py; do $(BIN)/python "$$script"; done
+
+bench-registration: $(VENV)/.dev.stamp ## registration methods of others beside ours, on 72 views (long)
+	$(PIP) -e ".[bench]"
+	$(BIN)/python benchmarks/bench_registration.py
+
+trust: $(VENV)/.dev.stamp ## what a pose may be trusted with: hard cases, bolt states, sigmas, variants, views (hours)
+	$(PIP) -e ".[bench]"
+	$(BIN)/boltpose synth scenes -n 80 --views 4 --seed 0 --workers 2 -o $(SYNTHETIC)/scenes
+	$(BIN)/boltpose synth motors -n 126 --seed 3000 --workers 2 -o $(SYNTHETIC)/motors_3000
+	$(BIN)/boltpose synth scenes -n 12 --views 1 --angles 4 --seed 4000 --workers 2 \
+	  -o runs/several_views/scenes
+	for seed in 2000 2001; do $(BIN)/python -m boltpose.synthesis.changed_bolts -n 16 \
+	  --clampings 2 --seed $$seed -o $(SYNTHETIC)/changed_$$seed; done
+	$(BIN)/python -m boltpose.evaluation.hard_run --factory $(SYNTHETIC)/scenes --workers 2
+	$(BIN)/python -m boltpose.evaluation.uncertainty_run
+	$(BIN)/python -m boltpose.evaluation.bolt_state --reman18 $(DATA) \
+	  --changed $(SYNTHETIC)/changed_2000 --changed-test $(SYNTHETIC)/changed_2001
+	$(BIN)/python -m boltpose.evaluation.variants_run --factory $(SYNTHETIC)/motors_3000
+	$(BIN)/python -m boltpose.evaluation.several_views_run
+	$(BIN)/boltpose reproduce table1
+	$(BIN)/boltpose evaluate --report-only
 
 bench-factory: $(VENV)/.dev.stamp ## time motors, scans and views, beside trimesh and Open3D
 	$(PIP) -e ".[bench,synth]"
