@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from boltpose.evaluation import tables
-from boltpose.evaluation.records import MotorRecord
+from boltpose.evaluation.records import CallTime, MotorRecord
 from boltpose.evaluation.statistics import spread_of
 from boltpose.evaluation.targets import all_views, judge_targets
 from boltpose.io.atomic import write_atomic
@@ -92,6 +92,7 @@ def render_report(
         _provenance(records, command),
         "## Targets",
         tables.target_table(targets),
+        *_cpu_note(view_calls),
         "## Bolts of the priors",
         tables.prior_table(records),
         "Errors in frame `prior`:",
@@ -132,6 +133,18 @@ def render_report(
         _HOW,
     ]
     return "\n\n".join(sections) + "\n"
+
+
+def _cpu_note(calls: Sequence[CallTime]) -> list[str]:
+    """Say what wall times are worth where other work shared the cores."""
+    cpu, wall = spread_of(call.cpu_s for call in calls), spread_of(call.wall_s for call in calls)
+    if cpu is None or wall is None or wall.median < 1.2 * cpu.median:
+        return []
+    return [
+        f"The cores were shared with other work: `locate` took {cpu.median:.2f} s of processor "
+        f"time in the median, {wall.median:.2f} s by the clock. On a quiet machine: "
+        "[performance.md](performance.md)."
+    ]
 
 
 def write_report(path: str | Path, text: str) -> None:
