@@ -48,12 +48,12 @@ a true 95 % in so many views."""
 
 _LIMITS = """\
 More held than stated is caution, and there is some: the floors across the line of sight and of the
-rotation are those of the factory's camera, which is worse than reman18's, and no 95 % region may
-hold less than that of the test. `sigma_lateral_mm` in a result is the sigma of the worse direction:
-a round region drawn with it holds more than the disc of the table, which counts both. Along the
-line of sight the factory's camera errs by 0.19 mm at 700 mm, more than is stated by default (0.12):
-a real camera needs its own `FineConfig.depth_scale_sigma`. Hand-eye matrices of the data set are
-exact; `--hand-eye-sigma`, or residuals in the file, add theirs."""
+rotation are those of the factory's camera, which is worse than reman18's. `sigma_lateral_mm` in a
+result is the sigma of the worse direction: a round region drawn with it holds more than the disc
+of the table, which counts both. Along the line of sight the factory's camera errs by 0.19 mm at
+700 mm, more than is stated by default (0.12): a real camera needs its own
+`FineConfig.depth_scale_sigma`. Hand-eye matrices of the data set are exact; `--hand-eye-sigma`, or
+residuals in the file, add theirs."""
 
 
 def confidence_of(entry: UncertainBolt) -> tuple[float, float, float, float]:
