@@ -19,7 +19,7 @@ _NAMES = {
     "reman18": "reman18, thresholds chosen here",
     "changed": "many changes, thresholds chosen here",
     "changed_test": "many changes, test",
-    "factory": "factory scenes, test",
+    "factory": "factory scenes, one threshold moved after a first look",
 }
 _STEPS_MM = ((0.0, 0.3), (0.3, 0.6), (0.6, 1.0), (1.0, 1.5), (1.5, 9.0))
 
