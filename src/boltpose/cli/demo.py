@@ -36,9 +36,9 @@ def run_demo(
     build(scan, prior, picture=output / "prior.png", name="demo motor")
     notes.print("\n[bold]2. boltpose locate[/]   (once per clamped motor)")
     locate_bolts(
-        DEMO_FOLDER / "000002.png",
+        [DEMO_FOLDER / "000002.png"],
         prior,
-        hand_eye=DEMO_FOLDER / "hand_eye.yaml",
+        hand_eye=[DEMO_FOLDER / "hand_eye.yaml"],
         camera=DEMO_FOLDER / "scene_camera.json",
         output=output / "poses.json",
         picture=output / "demo.png",
