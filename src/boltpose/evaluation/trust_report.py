@@ -7,6 +7,7 @@ from pathlib import Path
 from boltpose.evaluation import (
     bolt_state_report,
     hard_report,
+    peers_report,
     several_views_report,
     table1_report,
     uncertainty_report,
@@ -25,6 +26,7 @@ _REPORTS = (
     variants_report,
     several_views_report,
     table1_report,
+    peers_report,
 )
 
 
