@@ -223,7 +223,7 @@ def _domain_gap(report: ForeignReport) -> str:
         "\n\nRight poses were found and refused. That is the safe side, and a gap between the "
         "simulated camera, whose error `EvidenceConfig.tight_mm` is four times of, and this "
         "scanner with its coarser model: on another sensor the verdict's fit thresholds have to "
-        "be derived again (`benchmarks/bench_registration.py`)."
+        "be derived again (`boltpose.evaluation.hard_run`, `hard_fit`)."
     )
 
 
