@@ -1,7 +1,9 @@
 """The methods that are compared: each prepares a prior once and then finds it in motor points.
 
 Every coarse method of others is refined by the same three point-to-plane steps of the paper
-(`PaperConfig`), so that they differ by where they start. Distances are explicit and in mm: the
+(`PaperConfig`, Open3D), so that they differ by where they start. FPFH is set up as in FINDINGS,
+section 1: normals by Open3D from two voxels, turned outward (prior) and to the camera (scan), except
+in the row that follows Open3D's tutorial to the letter. Distances are explicit and in mm: the
 defaults of small_gicp and KISS-Matcher are for metres.
 """
 
@@ -10,26 +12,22 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.errors import MissingExtraError
-from boltpose.geometry.normals import estimate_normals, orient_towards
 from boltpose.geometry.sampling import voxel_downsample
 from boltpose.geometry.transforms import Transform
 from boltpose.registration.coarse import register_coarsely
 from boltpose.registration.config import PaperConfig, RegistrationConfig
-from boltpose.registration.grid import thin_with_normals
 from boltpose.registration.open3d_features import (
     FeatureCloud,
-    compute_features,
     match_globally,
     require_open3d,
 )
-from boltpose.registration.paper import run_icp
 from boltpose.registration.prepare import PreparedPrior
 
 OURS = "ours"
@@ -50,7 +48,17 @@ class PeerPose:
     """False where the method itself says that the pose is not valid or not converged."""
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
+class PeerSteps:
+    """The two halves of a method."""
+
+    prepare: Callable[[PreparedPrior], Any]
+    """Once per prior; not timed."""
+    find: Callable[[Any, PreparedPrior, FloatArray], PeerPose | None]
+    """Model, prior and motor points, (N, 3), mm, frame `camera`; None where it finds nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Peer:
     """One method."""
 
@@ -60,10 +68,7 @@ class Peer:
     """In the report."""
     package: str
     """What it comes from, as pip calls it."""
-    prepare: Callable[[PreparedPrior], Any]
-    """Once per prior; not timed."""
-    find: Callable[[Any, PreparedPrior, FloatArray], PeerPose | None]
-    """Model, prior and motor points, (N, 3), mm, frame `camera`; None where it finds nothing."""
+    steps: PeerSteps
     uses_ours: bool = False
     """It starts where our coarse stage ends."""
 
@@ -87,27 +92,6 @@ def _require(module: str, package: str) -> Any:
         raise MissingExtraError(package, "bench") from error
 
 
-def refine_as_paper(pose: Transform, points: FloatArray, prepared: PreparedPrior) -> Transform:
-    """Refine a coarse pose by the paper's three steps, point to plane.
-
-    Args:
-        pose: `camera_from_prior`.
-        points: Shape (N, 3), mm, frame `camera`.
-        prepared: The prior.
-    """
-    source = voxel_downsample(points, _PAPER.icp_voxel_mm)
-    for distance in _PAPER.icp_distances_mm:
-        pose = run_icp(
-            pose,
-            source,
-            prepared,
-            max_distance_mm=distance,
-            iterations=_PAPER.icp_iterations,
-            is_point_to_plane=True,
-        )
-    return pose
-
-
 def _as_pose(matrix: FloatArray, *, is_inverse: bool) -> Transform:
     """Make `camera_from_prior` of a (4, 4) whose rotation is off by rounding."""
     left, _, right = np.linalg.svd(matrix[:3, :3])
@@ -117,42 +101,99 @@ def _as_pose(matrix: FloatArray, *, is_inverse: bool) -> Transform:
     return Transform.from_parts("camera", "prior", left @ right, matrix[:3, 3])
 
 
-def _prior_features(prepared: PreparedPrior, voxel_mm: float) -> FeatureCloud:
-    points, normals = thin_with_normals(prepared.points, prepared.normals, voxel_mm)
-    return compute_features(points, normals, 5 * voxel_mm)
-
-
-def _scan_features(points: FloatArray, voxel_mm: float) -> FeatureCloud:
-    scan = voxel_downsample(points, voxel_mm)
-    normals = orient_towards(scan, estimate_normals(scan, _PAPER.normal_neighbours), np.zeros(3))
-    return compute_features(scan, normals, 5 * voxel_mm)
-
-
-def _tutorial_features(points: FloatArray, voxel_mm: float) -> FeatureCloud:
-    """Follow `preprocess_point_cloud` of Open3D's tutorial: nobody turns the normals."""
-    o3d = require_open3d()
+def _o3d_cloud(points: FloatArray) -> Any:
     # a copy: Open3D takes no read-only arrays
-    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points)))
-    cloud = cloud.voxel_down_sample(voxel_mm)
-    near = o3d.geometry.KDTreeSearchParamHybrid(radius=2 * voxel_mm, max_nn=30)
+    o3d = require_open3d()
+    return o3d.geometry.PointCloud(o3d.utility.Vector3dVector(np.array(points)))
+
+
+def _thin_with_normals(points: FloatArray, voxel_mm: float) -> Any:
+    """Thin and estimate normals as Open3D's tutorial does, which leaves their signs to chance."""
+    cloud = _o3d_cloud(points).voxel_down_sample(voxel_mm)
+    near = require_open3d().geometry.KDTreeSearchParamHybrid(radius=2 * voxel_mm, max_nn=30)
     cloud.estimate_normals(near)
+    return cloud
+
+
+def _describe(cloud: Any, voxel_mm: float) -> FeatureCloud:
+    o3d = require_open3d()
     search = o3d.geometry.KDTreeSearchParamHybrid(radius=5 * voxel_mm, max_nn=100)
     return FeatureCloud(cloud, o3d.pipelines.registration.compute_fpfh_feature(cloud, search))
 
 
-def _find_fgr_tutorial(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose:
-    scan = _tutorial_features(points, _PAPER.voxel_mm)
-    start = match_globally(model, scan, 0.5 * _PAPER.voxel_mm, _PAPER.seed)
-    return PeerPose(camera_from_prior=refine_as_paper(start, points, prepared))
+def _prior_features(prepared: PreparedPrior, voxel_mm: float) -> FeatureCloud:
+    """Describe a prior with its normals turned outward."""
+    o3d = require_open3d()
+    cloud = _thin_with_normals(prepared.points, voxel_mm)
+    normals = np.asarray(cloud.normals)
+    _, nearest = prepared.tree.query(np.asarray(cloud.points))
+    is_inward = np.einsum("ni,ni->n", normals, prepared.normals[nearest]) < 0
+    cloud.normals = o3d.utility.Vector3dVector(np.where(is_inward[:, None], -normals, normals))
+    return _describe(cloud, voxel_mm)
 
 
-def _find_fgr(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose:
+def _scan_features(points: FloatArray, voxel_mm: float) -> FeatureCloud:
+    """Describe a scan with its normals turned to the camera."""
+    cloud = _thin_with_normals(points, voxel_mm)
+    cloud.orient_normals_towards_camera_location(np.zeros(3))
+    return _describe(cloud, voxel_mm)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Refinable:
+    """What a coarse method knows of a prior, and the target of the ICP steps that follow."""
+
+    model: Any
+    target: Any
+
+
+def _refined(
+    prepare: Callable[[PreparedPrior], Any],
+    start: Callable[[Any, FloatArray], PeerPose | None],
+) -> PeerSteps:
+    """Let the paper's three ICP steps of Open3D, point to plane, follow a coarse method."""
+
+    def prepare_both(prepared: PreparedPrior) -> _Refinable:
+        target = _o3d_cloud(prepared.points)
+        target.normals = require_open3d().utility.Vector3dVector(np.array(prepared.normals))
+        return _Refinable(prepare(prepared), target)
+
+    def find(known: _Refinable, prepared: PreparedPrior, points: FloatArray) -> PeerPose | None:
+        found = start(known.model, points)
+        if found is None:
+            return None
+        registration = require_open3d().pipelines.registration
+        source = _o3d_cloud(points).voxel_down_sample(_PAPER.icp_voxel_mm)
+        matrix = found.camera_from_prior.inverse().matrix
+        for distance in _PAPER.icp_distances_mm:
+            step = registration.registration_icp(
+                source,
+                known.target,
+                distance,
+                matrix,
+                registration.TransformationEstimationPointToPlane(),
+            )
+            matrix = np.asarray(step.transformation)
+        return replace(found, camera_from_prior=_as_pose(matrix, is_inverse=True))
+
+    return PeerSteps(prepare_both, find)
+
+
+def _start_fgr_tutorial(model: Any, points: FloatArray) -> PeerPose:
+    scan = _describe(_thin_with_normals(points, _PAPER.voxel_mm), _PAPER.voxel_mm)
+    return PeerPose(
+        camera_from_prior=match_globally(model, scan, 0.5 * _PAPER.voxel_mm, _PAPER.seed)
+    )
+
+
+def _start_fgr(model: Any, points: FloatArray) -> PeerPose:
     scan = _scan_features(points, _PAPER.voxel_mm)
-    start = match_globally(model, scan, _PAPER.match_distance_mm, _PAPER.seed)
-    return PeerPose(camera_from_prior=refine_as_paper(start, points, prepared))
+    return PeerPose(
+        camera_from_prior=match_globally(model, scan, _PAPER.match_distance_mm, _PAPER.seed)
+    )
 
 
-def _find_fgr_tuned(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose:
+def _start_fgr_tuned(model: Any, points: FloatArray) -> PeerPose:
     o3d = require_open3d()
     registration = o3d.pipelines.registration
     scan = _scan_features(points, 4.0)
@@ -163,11 +204,10 @@ def _find_fgr_tuned(model: Any, prepared: PreparedPrior, points: FloatArray) -> 
     result = registration.registration_fgr_based_on_feature_matching(
         scan.cloud, model.cloud, scan.features, model.features, option
     )
-    start = _as_pose(np.asarray(result.transformation), is_inverse=True)
-    return PeerPose(camera_from_prior=refine_as_paper(start, points, prepared))
+    return PeerPose(camera_from_prior=_as_pose(np.asarray(result.transformation), is_inverse=True))
 
 
-def _find_ransac(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose:
+def _start_ransac(model: Any, points: FloatArray) -> PeerPose:
     o3d = require_open3d()
     registration = o3d.pipelines.registration
     scan = _scan_features(points, 4.0)
@@ -188,8 +228,7 @@ def _find_ransac(model: Any, prepared: PreparedPrior, points: FloatArray) -> Pee
         ],
         registration.RANSACConvergenceCriteria(100_000, 0.999),
     )
-    start = _as_pose(np.asarray(result.transformation), is_inverse=True)
-    return PeerPose(camera_from_prior=refine_as_paper(start, points, prepared))
+    return PeerPose(camera_from_prior=_as_pose(np.asarray(result.transformation), is_inverse=True))
 
 
 def _prepare_kiss(prepared: PreparedPrior) -> Any:
@@ -197,7 +236,7 @@ def _prepare_kiss(prepared: PreparedPrior) -> Any:
     return list(prepared.points.astype(np.float32))
 
 
-def _find_kiss(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose | None:
+def _start_kiss(model: Any, points: FloatArray) -> PeerPose | None:
     package = _require("kiss_matcher", "kiss-matcher")
     # without the clamping, which is for metres
     config = package.KISSMatcherConfig(voxel_size=3.0, enable_noise_bound_clamping=False)
@@ -206,9 +245,8 @@ def _find_kiss(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerP
     matrix[:3, :3], matrix[:3, 3] = found.rotation, np.ravel(found.translation)
     if not np.isfinite(matrix).all():
         return None
-    start = _as_pose(matrix, is_inverse=True)
     return PeerPose(
-        camera_from_prior=refine_as_paper(start, points, prepared), is_claimed=bool(found.valid)
+        camera_from_prior=_as_pose(matrix, is_inverse=True), is_claimed=bool(found.valid)
     )
 
 
@@ -259,13 +297,12 @@ def _prepare_ppf(prepared: PreparedPrior) -> Any:
     return detector, model
 
 
-def _find_ppf(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPose | None:
+def _start_ppf(model: Any, points: FloatArray) -> PeerPose | None:
     cv2 = _require("cv2", "opencv-contrib-python-headless")
     detector, known = model
-    thinned = voxel_downsample(points, 2.0)
-    normals = estimate_normals(thinned, _PAPER.normal_neighbours)
-    normals = orient_towards(thinned, normals, np.zeros(3))
-    scene = np.hstack([thinned, normals]).astype(np.float32)
+    cloud = _thin_with_normals(points, 2.0)
+    cloud.orient_normals_towards_camera_location(np.zeros(3))
+    scene = np.hstack([np.asarray(cloud.points), np.asarray(cloud.normals)]).astype(np.float32)
     found = detector.match(scene, 1 / 5, _PPF_STEP)
     if not found:
         return None
@@ -276,67 +313,36 @@ def _find_ppf(model: Any, prepared: PreparedPrior, points: FloatArray) -> PeerPo
     matrix = np.asarray(best.pose, dtype=np.float64)
     if not np.isfinite(matrix).all():
         return None
-    start = _as_pose(matrix, is_inverse=False)
-    return PeerPose(camera_from_prior=refine_as_paper(start, points, prepared))
+    return PeerPose(camera_from_prior=_as_pose(matrix, is_inverse=False))
 
+
+_TUTORIAL = _refined(
+    lambda prepared: _describe(
+        _thin_with_normals(prepared.points, _PAPER.voxel_mm), _PAPER.voxel_mm
+    ),
+    _start_fgr_tutorial,
+)
+_FGR = _refined(lambda prepared: _prior_features(prepared, _PAPER.voxel_mm), _start_fgr)
+_FGR_TUNED = _refined(lambda prepared: _prior_features(prepared, 4.0), _start_fgr_tuned)
+_RANSAC = _refined(lambda prepared: _prior_features(prepared, 4.0), _start_ransac)
+_KISS = _refined(_prepare_kiss, _start_kiss)
+_PPF = _refined(_prepare_ppf, _start_ppf)
+_GICP = PeerSteps(_prepare_gicp, _gicp("GICP"))
+_PLANE_ICP = PeerSteps(_prepare_gicp, _gicp("PLANE_ICP"))
 
 PEERS: tuple[Peer, ...] = (
+    Peer("fgr_tutorial", "Open3D FPFH + FGR, tutorial", "open3d", _TUTORIAL),
+    Peer("fgr", "Open3D FPFH + FGR, normals turned outward", "open3d", _FGR),
+    Peer("fgr_tuned", "the same, 4 mm, `decrease_mu`, 128 iterations", "open3d", _FGR_TUNED),
+    Peer("ransac", "Open3D FPFH + RANSAC, 4 mm, mutual", "open3d", _RANSAC),
+    Peer("kiss", "KISS-Matcher, 3 mm", "kiss-matcher", _KISS),
+    Peer("ppf", "OpenCV surface_matching, PPF", "opencv-contrib-python-headless", _PPF),
+    Peer("gicp", "our coarse stage + small_gicp GICP", "small-gicp", _GICP, uses_ours=True),
     Peer(
-        name="fgr_tutorial",
-        title="Open3D FPFH + FGR, tutorial",
-        package="open3d",
-        prepare=lambda prepared: _tutorial_features(prepared.points, _PAPER.voxel_mm),
-        find=_find_fgr_tutorial,
-    ),
-    Peer(
-        name="fgr",
-        title="Open3D FPFH + FGR, normals turned outward",
-        package="open3d",
-        prepare=lambda prepared: _prior_features(prepared, _PAPER.voxel_mm),
-        find=_find_fgr,
-    ),
-    Peer(
-        name="fgr_tuned",
-        title="the same, 4 mm, `decrease_mu`, 128 iterations",
-        package="open3d",
-        prepare=lambda prepared: _prior_features(prepared, 4.0),
-        find=_find_fgr_tuned,
-    ),
-    Peer(
-        name="ransac",
-        title="Open3D FPFH + RANSAC, 4 mm, mutual",
-        package="open3d",
-        prepare=lambda prepared: _prior_features(prepared, 4.0),
-        find=_find_ransac,
-    ),
-    Peer(
-        name="kiss",
-        title="KISS-Matcher, 3 mm",
-        package="kiss-matcher",
-        prepare=_prepare_kiss,
-        find=_find_kiss,
-    ),
-    Peer(
-        name="ppf",
-        title="OpenCV surface_matching, PPF",
-        package="opencv-contrib-python-headless",
-        prepare=_prepare_ppf,
-        find=_find_ppf,
-    ),
-    Peer(
-        name="gicp",
-        title="our coarse stage + small_gicp GICP",
-        package="small-gicp",
-        prepare=_prepare_gicp,
-        find=_gicp("GICP"),
-        uses_ours=True,
-    ),
-    Peer(
-        name="plane_icp",
-        title="our coarse stage + small_gicp PLANE_ICP",
-        package="small-gicp",
-        prepare=_prepare_gicp,
-        find=_gicp("PLANE_ICP"),
+        "plane_icp",
+        "our coarse stage + small_gicp PLANE_ICP",
+        "small-gicp",
+        _PLANE_ICP,
         uses_ours=True,
     ),
 )

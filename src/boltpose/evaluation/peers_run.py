@@ -66,7 +66,7 @@ _CONFIG = LocateConfig()
 _FIT_MM = 0.1
 """The pair distance of the paper's last step."""
 _REGISTRATION = ("geometry/*.py", "registration/*.py", "view.py", "locate_config.py")
-_PEERS = ("evaluation/peers_methods.py", "registration/paper.py", "geometry/normals.py")
+_PEERS = ("evaluation/peers_methods.py", "registration/open3d_features.py")
 _WARM: set[str] = set()
 """Methods called once: what the first call of a library spends on itself is not measured."""
 
@@ -256,12 +256,12 @@ class _Motor:
             return find_ours
         peer = _peer(method)
         if method not in self._known:
-            self._known[method] = peer.prepare(prepared)
+            self._known[method] = peer.steps.prepare(prepared)
         model = self._known[method]
         points = view.motor_points
 
         def find_theirs() -> tuple[Transform | None, Registration | None, bool]:
-            found = peer.find(model, prepared, points)
+            found = peer.steps.find(model, prepared, points)
             if found is None:
                 return None, None, False
             return found.camera_from_prior, None, found.is_claimed
