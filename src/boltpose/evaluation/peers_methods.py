@@ -2,9 +2,9 @@
 
 Every coarse method of others is refined by the same three point-to-plane steps of the paper
 (`PaperConfig`, Open3D), so that they differ by where they start. FPFH is set up as in FINDINGS,
-section 1: normals by Open3D from two voxels, turned outward (prior) and to the camera (scan), except
-in the row that follows Open3D's tutorial to the letter. Distances are explicit and in mm: the
-defaults of small_gicp and KISS-Matcher are for metres.
+section 1: normals by Open3D from two voxels, turned outward (prior) and to the camera (scan),
+except in the row that follows Open3D's tutorial to the letter. Distances are explicit and in mm:
+the defaults of small_gicp and KISS-Matcher are for metres.
 """
 
 from __future__ import annotations
@@ -196,10 +196,12 @@ def _start_fgr(model: Any, points: FloatArray) -> PeerPose:
 def _start_fgr_tuned(model: Any, points: FloatArray) -> PeerPose:
     o3d = require_open3d()
     registration = o3d.pipelines.registration
-    scan = _scan_features(points, 4.0)
+    scan = _scan_features(points, _PAPER.voxel_mm)
     o3d.utility.random.seed(_PAPER.seed)
     option = registration.FastGlobalRegistrationOption(
-        maximum_correspondence_distance=2.0, decrease_mu=True, iteration_number=128
+        maximum_correspondence_distance=_PAPER.match_distance_mm,
+        decrease_mu=True,
+        iteration_number=128,
     )
     result = registration.registration_fgr_based_on_feature_matching(
         scan.cloud, model.cloud, scan.features, model.features, option
@@ -323,7 +325,7 @@ _TUTORIAL = _refined(
     _start_fgr_tutorial,
 )
 _FGR = _refined(lambda prepared: _prior_features(prepared, _PAPER.voxel_mm), _start_fgr)
-_FGR_TUNED = _refined(lambda prepared: _prior_features(prepared, 4.0), _start_fgr_tuned)
+_FGR_TUNED = _refined(lambda prepared: _prior_features(prepared, _PAPER.voxel_mm), _start_fgr_tuned)
 _RANSAC = _refined(lambda prepared: _prior_features(prepared, 4.0), _start_ransac)
 _KISS = _refined(_prepare_kiss, _start_kiss)
 _PPF = _refined(_prepare_ppf, _start_ppf)
@@ -333,7 +335,7 @@ _PLANE_ICP = PeerSteps(_prepare_gicp, _gicp("PLANE_ICP"))
 PEERS: tuple[Peer, ...] = (
     Peer("fgr_tutorial", "Open3D FPFH + FGR, tutorial", "open3d", _TUTORIAL),
     Peer("fgr", "Open3D FPFH + FGR, normals turned outward", "open3d", _FGR),
-    Peer("fgr_tuned", "the same, 4 mm, `decrease_mu`, 128 iterations", "open3d", _FGR_TUNED),
+    Peer("fgr_tuned", "the same, `decrease_mu`, 128 iterations", "open3d", _FGR_TUNED),
     Peer("ransac", "Open3D FPFH + RANSAC, 4 mm, mutual", "open3d", _RANSAC),
     Peer("kiss", "KISS-Matcher, 3 mm", "kiss-matcher", _KISS),
     Peer("ppf", "OpenCV surface_matching, PPF", "opencv-contrib-python-headless", _PPF),
