@@ -158,7 +158,7 @@ def _bolt_row(bolt: LocatedBolt, *, has_tool: bool) -> tuple[str | Text, ...]:
         bolt.id,
         str(bolt.side),
         _numbers(bolt.head_top, "8.2f"),
-        _numbers(bolt.axis, "5.2f"),
+        _numbers(bolt.axis, "6.3f"),
         seen,
         f"{bolt.sigma_lateral_mm:.2f}/{bolt.sigma_axial_mm:.2f}",
         f"{math.degrees(bolt.sigma_axis_rad):.2f}",
