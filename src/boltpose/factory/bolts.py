@@ -253,9 +253,12 @@ def _drive(kind: HeadKind, size: HeadSize) -> Manifold:
         case HeadKind.SOCKET_CAP:
             socket = prism(regular_polygon(6, size.drive_mm), -depth, above)
             tip = min(0.28 * size.drive_mm, 0.5 * (size.height_mm - depth))
-            return socket + cylinder(
+            cone = cylinder(
                 0.02 * size.drive_mm, -depth - tip, -depth, top_radius_mm=0.48 * size.drive_mm
             )
+            # inside both: faces that only touch are not always merged, and a void would be left
+            joint = cylinder(0.3 * size.drive_mm, -depth - 0.1 * tip, -depth + 0.01)
+            return union([socket, cone, joint])
         case HeadKind.TORX_PAN:
             return prism(_six_lobes(size.drive_mm, size.drive_inner_mm), -depth, above)
         case HeadKind.PHILLIPS_PAN:

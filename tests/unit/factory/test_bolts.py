@@ -110,6 +110,17 @@ def test_tables_agree_with_the_printed_standards() -> None:
     roll_deg=0.0,
     shank_mm=2.0,
 )
+@example(
+    head=HeadKind.SOCKET_CAP,
+    thread=4,
+    wide=1.0,
+    high=1.3125,
+    clogged=0.9442436721770915,
+    dish_mm=0.0,
+    washer=False,
+    roll_deg=0.0,
+    shank_mm=2.0,
+)
 @settings(max_examples=60, deadline=None)
 def test_every_bolt_is_one_closed_body_inside_its_clearance(
     head: HeadKind,
