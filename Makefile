@@ -48,7 +48,7 @@ test-blender: $(BLENDER_VENV)/.stamp ## test the Blender add-on in headless Blen
 	@OMP_NUM_THREADS=1 $(BLENDER_VENV)/bin/python -m tests.blender.run
 
 test-cluster: $(VENV)/.dev.stamp ## test data sets on a Ray cluster of this machine, a node killed
-	$(PIP) -e ".[dev,train,synth,cluster]"
+	$(PIP) -e ".[dev,train,synth,viewer,service,ros2,cluster]"
 	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/cluster
 
 demo: $(VENV)/.core.stamp ## build the shipped motor's prior and locate its bolts in the shipped scan
@@ -126,7 +126,7 @@ $(VENV)/.core.stamp: pyproject.toml
 
 $(VENV)/.dev.stamp: pyproject.toml | $(VENV)/.core.stamp
 	@echo "installing the development tools into $(VENV)"
-	@$(PIP) -e ".[dev,train,synth]"
+	@$(PIP) -e ".[dev,train,synth,viewer,service,ros2]"
 	@touch $@
 
 # without boltpose's own dependencies: they want numpy 2, Blender 4.5 has numpy 1.26

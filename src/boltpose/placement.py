@@ -110,6 +110,9 @@ def place_bolt(
         cluster_centre=frame_from_prior.apply(bolt.cluster_centre),
         remarks=bolt.remarks,
         p_tool_fits=p_tool_fits,
+        name=bolt.name,
+        tool=bolt.tool,
+        order=bolt.order,
     )
 
 

@@ -24,7 +24,7 @@ from boltpose.schema import (
     Visibility,
 )
 
-SCHEMA = "boltpose.poses/2"
+SCHEMA = "boltpose.poses/3"
 SCHEMA_FILE = Path(__file__).parent / "poses.schema.json"
 """The JSON Schema of the file, shipped with the package."""
 
@@ -48,6 +48,12 @@ class BoltPose(_Record):
     """One bolt in the file's frame; lengths mm."""
 
     id: str
+    name: str
+    """What people call it; empty: its id is its name."""
+    tool: str
+    """The tool that turns it, in the cell's own words; empty: not said."""
+    order: int | None
+    """Its turn when bolts are taken out, from 1; null: after all that have one."""
     side: Side
     head_top: Vector
     """The point on the axis on the top face of the head, where the tool lands."""
@@ -128,12 +134,14 @@ class Candidate(_Record):
 class PosesFile(_Record):
     """All of `poses.json`; matrices row-major, `target_from_source`, points as columns."""
 
-    schema_: Literal["boltpose.poses/2"] = Field(alias="schema")
+    schema_: Literal["boltpose.poses/3"] = Field(alias="schema")
     status: Status
     reason: Check | None
     """The most telling failed check; null when ok."""
+    failed: list[Check]
+    """Every failed check, the most telling first."""
     reasons: list[str]
-    """One sentence per failed check: what was found and what was wanted."""
+    """One sentence per failed check, in the order they were made: found and wanted."""
     frame: Literal["base", "camera"]
     unit: Literal["mm"]
     prior: str
@@ -162,6 +170,8 @@ class PosesFile(_Record):
     @model_validator(mode="after")
     def _refuses_without_poses(self) -> Self:
         is_ok = self.status is Status.OK
+        if self.reason != (self.failed[0] if self.failed else None):
+            raise ValueError("reason must be the first failed check")
         if is_ok != (self.reason is None) or is_ok != (self.camera_from_prior is not None):
             raise ValueError("a reason without a pose, or a pose without a reason: never both")
         if not is_ok and self.bolts:
@@ -185,6 +195,7 @@ def to_file(result: LocateResult, timings_ms: Mapping[str, float] | None = None)
         schema=SCHEMA,
         status=result.verdict.status,
         reason=failed[0] if failed else None,
+        failed=failed,
         reasons=list(result.verdict.reasons),
         frame="base" if result.frame == "base" else "camera",
         unit="mm",
@@ -272,6 +283,9 @@ def json_schema() -> str:
 def _bolt(bolt: LocatedBolt) -> BoltPose:
     return BoltPose(
         id=bolt.id,
+        name=bolt.name,
+        tool=bolt.tool,
+        order=bolt.order,
         side=bolt.side,
         head_top=bolt.head_top.tolist(),
         position=bolt.position.tolist(),

@@ -170,6 +170,12 @@ class PriorBolt:
     confidence: float = 1.0
     """Probability that this is a bolt and at most 0.5 mm beside its true axis, 0 to 1; see
     `prior.confidence`. 1 where a person or a drawing says so."""
+    name: str = ""
+    """What people call it, for example `solenoid upper`; empty: its id is its name."""
+    tool: str = ""
+    """The tool that turns it, in the cell's own words, for example `hex 8`; empty: not said."""
+    order: int | None = None
+    """Its turn when bolts are taken out, from 1; None: after all that have one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -319,6 +325,10 @@ class LocatedBolt:
     """One sentence on what was seen instead; empty unless contradicted."""
     p_tool_fits: float | None = None
     """Probability that the given tool lands on the bolt, 0 to 1; None if no tool was given."""
+    name: str = ""
+    """As in the prior, like the next two; see `PriorBolt`."""
+    tool: str = ""
+    order: int | None = None
 
     @property
     def head_top(self) -> FloatArray:

@@ -18,7 +18,7 @@ def test_the_file_says_what_the_result_says(tmp_path: Path) -> None:
     write_poses(tmp_path / "poses.json", result, {"registration": 123.4567})
 
     data = json.loads((tmp_path / "poses.json").read_text())
-    assert data["schema"] == "boltpose.poses/2"
+    assert data["schema"] == "boltpose.poses/3"
     assert (data["status"], data["reason"], data["frame"], data["unit"]) == (
         "ok", None, "base", "mm",
     )  # fmt: skip
@@ -58,7 +58,7 @@ def test_the_shipped_schema_is_that_of_the_code() -> None:
         ({"base_from_camera": None}, "needs base_from_camera"),
         ({"unit": "m"}, "Input should be 'mm'"),
         ({"extra": 1}, "Extra inputs"),
-        ({"schema": "boltpose.poses/9"}, "boltpose.poses/2"),
+        ({"schema": "boltpose.poses/9"}, "boltpose.poses/3"),
     ],
 )
 def test_files_that_contradict_themselves_are_refused(change: dict[str, object], text: str) -> None:

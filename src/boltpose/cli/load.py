@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 
 import numpy as np
@@ -93,9 +92,3 @@ def read_hand_eye_of(
     found = read_hand_eye(hand_eye, unit=unit, target="flange")
     base_from_flange = read_hand_eye(robot_pose, unit=unit, source="flange").transform
     return base_from_flange @ found.transform, hand_eye_error(found)
-
-
-def sha256_of(path: Path) -> str:
-    """Hash a file, so that a result tells which bytes it was made from."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

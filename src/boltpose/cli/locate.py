@@ -123,7 +123,7 @@ def locate_bolts(
     )
     networks = load_models(models)
     provenance = {
-        **hash_inputs(scans, prior, hand_eyes, robot_poses),
+        **hash_inputs(scans, prior, hand_eyes, robot_poses, scan_unit=scan_unit, camera=camera),
         "models": dict(networks.hashes),
     }
     with StageProgress("locating", quiet=as_json) as progress:

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from boltpose.cli.load import read_hand_eye_of, sha256_of
+from boltpose.cli.load import read_hand_eye_of
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
+from boltpose.io.digest import sha256_of
 from boltpose.io.scan import read_scan
 from boltpose.schema import HandEyeError, Scan
 from boltpose.tool_fit import ToolTolerance
@@ -83,8 +84,11 @@ def hash_inputs(
     prior: Path,
     hand_eyes: Sequence[Path],
     robot_poses: Sequence[Path],
+    *,
+    scan_unit: str,
+    camera: Path | None,
 ) -> dict[str, object]:
-    """Names and SHA-256 of what was read, for provenance; lists where there are several scans."""
+    """What was read, and its SHA-256, for provenance; lists where there are several scans."""
 
     def hashes(paths: Sequence[Path]) -> object:
         found = [sha256_of(path) for path in paths]
@@ -99,6 +103,13 @@ def hash_inputs(
         "prior_sha256": sha256_of(prior) if prior.is_file() else None,
         "hand_eye_sha256": hashes(hand_eyes),
         "robot_pose_sha256": hashes(robot_poses),
+        # for `open_saved_result`
+        "inputs": {
+            "scans": [str(path.resolve()) for path in scans],
+            "scan_unit": str(scan_unit),
+            "camera": None if camera is None else str(camera.resolve()),
+            "prior": str(prior.resolve()),
+        },
     }
 
 

@@ -189,6 +189,9 @@ def _bolt_to_json(bolt: PriorBolt) -> dict[str, Any]:
         "confidence": bolt.confidence,
         "is_sure": bolt.is_sure,
         "remarks": list(bolt.remarks),
+        "name": bolt.name,
+        "tool": bolt.tool,
+        "order": bolt.order,
     }
 
 
@@ -209,6 +212,10 @@ def _bolt_from_json(data: Mapping[str, Any]) -> PriorBolt:
         confidence=float(data.get("confidence", data["class_probability"])),
         is_sure=bool(data["is_sure"]),
         remarks=tuple(str(remark) for remark in data["remarks"]),
+        # nor these
+        name=str(data.get("name", "")),
+        tool=str(data.get("tool", "")),
+        order=None if data.get("order") is None else int(data["order"]),
     )
 
 
