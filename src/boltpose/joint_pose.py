@@ -238,6 +238,9 @@ class Fusion:
     """The views that it was averaged from."""
     fused: FusedPose | None
     """None if not one view could be refined."""
+    points_covariance: FloatArray | None = None
+    """Shape (6, 6), like `fused.covariance`, as if every camera pose were exact: what the points
+    alone leave open."""
 
 
 def fuse_shots(
@@ -245,19 +248,19 @@ def fuse_shots(
 ) -> Fusion:
     """Average the views; one that sees little and is off takes no part, one that sees much does."""
 
-    def estimate(one: JudgedShot, registration: Registration) -> PoseEstimate:
-        shot = one.seen.shot
+    def estimate(one: JudgedShot, error: HandEyeError | None) -> PoseEstimate | None:
+        if one.registration is None:
+            return None
         return estimate_in_base(
-            registration,
-            shot.base_from_camera,
-            shot.hand_eye_error,
+            one.registration,
+            one.seen.shot.base_from_camera,
+            error,
             config.registration.fine,
             joint,
         )
 
-    refined = [
-        (one, estimate(one, one.registration)) for one in judged if one.registration is not None
-    ]
+    found_in = [(one, estimate(one, one.seen.shot.hand_eye_error)) for one in judged]
+    refined = [(one, found) for one, found in found_in if found is not None]
     sure = [pair for pair in refined if pair[0].has_say] or refined
     limit = joint.max_distance_sigmas
     used = [
@@ -266,10 +269,13 @@ def fuse_shots(
         if any(one is other for other, _ in sure)
         or all(distance_sigmas(found, other, prepared.centre_mm) <= limit for _, other in sure)
     ]
-    estimates = [found for _, found in used]
+    if not used:
+        return Fusion(used=(), fused=None)
+    exact = [found for one, _ in used if (found := estimate(one, None)) is not None]
     return Fusion(
         used=tuple(one for one, _ in used),
-        fused=fuse_poses(estimates, prepared.centre_mm) if estimates else None,
+        fused=fuse_poses([found for _, found in used], prepared.centre_mm),
+        points_covariance=fuse_poses(exact, prepared.centre_mm).covariance,
     )
 
 

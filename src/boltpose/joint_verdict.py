@@ -45,7 +45,7 @@ def decide_jointly(
         [one.pose for one in fusion.used or judged],
         prepared,
         margin=registration.score - registration.runner_up_score,
-        bolt_sigma_mm=bolt_sigma_mm(registration, prepared),
+        bolt_sigma_mm=bolt_sigma_mm(_without_hand_eye(registration, fusion), prepared),
         free_space_mm=config.verification.evidence.free_space_mm,
     )
     verdict = decide(evidence, config.verification)
@@ -77,6 +77,18 @@ def decide_jointly(
         thresholds=thresholds,
         p_correct=p_correct,
     )
+
+
+def _without_hand_eye(registration: Registration, fusion: Fusion) -> Registration:
+    """The joint pose with the errors of its points alone, which is what one view is judged by.
+
+    A hand-eye known to a millimetre makes every bolt uncertain and says so; it is no sign that
+    the points leave the pose free to slide.
+    """
+    if fusion.points_covariance is None:
+        return registration
+    turn = np.kron(np.eye(2), fusion.used[0].seen.camera_from_base.rotation)
+    return replace(registration, covariance=turn @ fusion.points_covariance @ turn.T)
 
 
 def _judge_distances(fusion: Fusion, joint: JointConfig) -> list[tuple[Check, str]]:

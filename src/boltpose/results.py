@@ -146,7 +146,8 @@ class PosesFile(_Record):
     unit: Literal["mm"]
     prior: str
     p_correct: Share
-    """Probability that every bolt is at most 2 mm and 2 degrees off."""
+    """Probability that every bolt is at most 2 mm and 2 degrees off as the camera sees the motor;
+    the hand-eye's error is not in it but in every bolt's sigmas."""
     bolts: list[BoltPose]
     extra_heads: list[ExtraHeadPose]
     """What looks like heads that the prior does not know: a hint for a person; it may be a screw of

@@ -250,7 +250,8 @@ class Verdict:
     scores: Mapping[str, float]
     thresholds: Mapping[str, float]
     p_correct: float = 0.0
-    """Probability that every bolt is at most 2 mm and 2 degrees off, 0 to 1; 0 without a pose."""
+    """Probability that every bolt is at most 2 mm and 2 degrees off as the camera sees the motor, 0
+    to 1; 0 without a pose. The hand-eye's error is not in it: that is in every bolt's sigmas."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
