@@ -8,7 +8,7 @@ import numpy as np
 
 from boltpose.arrays import BoolArray, FloatArray
 from boltpose.geometry.normals import fibonacci_directions
-from boltpose.picture.marks import BoltMark
+from boltpose.picture.bolt_marks import BoltMark
 from boltpose.picture.raster import rasterise
 from boltpose.picture.view import View, frame_subject, look_along
 

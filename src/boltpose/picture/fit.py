@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.axes import Axes
 from scipy.spatial import KDTree
 
 from boltpose.arrays import BoolArray, FloatArray
 from boltpose.picture import paint
-from boltpose.picture.sheet import Panel
 
-_FULL_MM = 1.0
+FULL_MM = 1.0
 """Drawn in full red: five times the largest error of a right pose on reman18 (simulated)."""
 _REACH_MM = 4.0
 """Scan points farther from the prior than this do not belong to it."""
@@ -47,35 +45,8 @@ def tint_fit(
     partner = np.asarray(index)[touches]
     offset = shown[touches] - motor_camera[partner]
     beside_mm = np.abs(np.einsum("ni,ni->n", offset, normals_camera[partner]))
-    tints[touches] = paint.distance_tints(beside_mm, _FULL_MM)
+    tints[touches] = paint.distance_tints(beside_mm, FULL_MM)
     # towards the camera by a hair, so that the scan wins where both lie on the same surface
     pulled = shown * (1 - 1.0 / np.linalg.norm(shown, axis=1, keepdims=True))
     prior_tints = np.tile(paint.PRIOR, (len(motor_camera), 1))
     return np.vstack([pulled, motor_camera]), np.vstack([tints, prior_tints])
-
-
-def draw_fit_key(axes: Axes, place: Panel) -> None:
-    """Explain the colours in the panel's lower corners."""
-    right, bottom = place.width, place.height
-    ramp = paint.distance_tints(np.linspace(0, _FULL_MM, 64), _FULL_MM)
-    axes.imshow(
-        ramp[None],
-        extent=(right - 132, right - 32, bottom - 18, bottom - 28),
-        aspect="auto",
-        zorder=3,
-    )
-    for column, row, text, align in (
-        (right - 132, bottom - 31, "scan to prior", "left"),
-        (right - 132, bottom - 2, "0", "center"),
-        (right - 32, bottom - 2, f"{_FULL_MM:g} mm", "center"),
-    ):
-        axes.text(column, row, text, ha=align, va="bottom", fontsize=8.5, color="#222222")
-    axes.text(
-        10,
-        bottom - 6,
-        "blue: prior that no scan point covers",
-        fontsize=8.5,
-        va="bottom",
-        color="#1c4fa0",
-        bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.75},
-    )

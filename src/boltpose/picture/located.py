@@ -12,18 +12,22 @@ from boltpose.errors import FrameError
 from boltpose.geometry.transforms import Transform
 from boltpose.picture import paint
 from boltpose.picture.behind import choose_direction, heads_in_sight
-from boltpose.picture.fit import draw_fit_key, tint_fit
-from boltpose.picture.marks import (
-    INK_OF,
-    BoltMark,
-    Ink,
-    draw_bolts,
-    draw_scale_bar,
-    legend_handles,
-)
+from boltpose.picture.bolt_marks import BoltMark, Ink, arrow_tips, mark_of
+from boltpose.picture.fit import tint_fit
+from boltpose.picture.fit_key import draw_fit_key
+from boltpose.picture.marks import draw_bolts, draw_scale_bar, legend_handles
 from boltpose.picture.sheet import Panel, Sheet
 from boltpose.picture.view import View, frame_subject, look_along
-from boltpose.schema import LocatedBolt, LocateResult, Part, Prior, Scan, Side, Visibility
+from boltpose.schema import (
+    BoltState,
+    LocatedBolt,
+    LocateResult,
+    Part,
+    Prior,
+    Scan,
+    Side,
+    Visibility,
+)
 
 _MAIN = Panel(left=0, top=0, width=900, height=820)
 _FIT = Panel(left=906, top=0, width=594, height=407)
@@ -60,16 +64,7 @@ def draw_located(
         if base_from_camera is None or result.frame == "camera"
         else base_from_camera.inverse()
     )
-    marks = [
-        BoltMark(
-            name=bolt.id,
-            scene_from_bolt=camera_from_frame @ bolt.frame_from_bolt,
-            head_diameter_mm=bolt.head_diameter_mm,
-            ink=INK_OF[bolt.visibility],
-            is_sure=bolt.is_sure,
-        )
-        for bolt in result.bolts
-    ]
+    marks = [mark_of(bolt, camera_from_frame) for bolt in result.bolts]
     candidate = None if result.registration is None else result.registration.camera_from_prior
     motor_camera = None if candidate is None else candidate.apply(prior.points)
 
@@ -98,6 +93,9 @@ def _headline(result: LocateResult) -> tuple[str, str, str]:
     seen = {level: sum(b.visibility is level for b in result.bolts) for level in Visibility}
     words = zip(("seen", "partly seen", "hidden"), Visibility, strict=True)
     detail = ", ".join(f"{seen[level]} {word}" for word, level in words if seen[level])
+    forbidden = [bolt.id for bolt in result.bolts if bolt.state is BoltState.CONTRADICTED]
+    if forbidden:
+        detail = f"NO TOOL AT {', '.join(forbidden)};  {detail}"
     return f"OK   {len(result.bolts)} bolts in frame '{result.frame}'", detail, _GREEN
 
 
@@ -109,8 +107,7 @@ def _draw_camera_panel(
     marks: list[BoltMark],
 ) -> None:
     subject = _subject(scan, motor_camera)
-    tips = [mark.scene_from_bolt.apply(np.array([[0.0, 0.0, 30.0]])) for mark in marks]
-    view = _camera_view(np.vstack([subject, *tips]), _MAIN)
+    view = _camera_view(np.vstack([subject, *arrow_tips(marks)]), _MAIN)
     mask = _mask(result, scan)
     tints = np.where(mask[:, None], paint.MOTOR, paint.SURROUNDINGS)
     axes = sheet.panel(_MAIN, paint.paint(view, scan.points, tints), "what the camera saw")
@@ -168,12 +165,11 @@ def _draw_behind_panels(
     is_bolt = (prior.labels == Part.BOLT)[:, None]
     tints = np.where(is_bolt, 0.4 * paint.PRIOR + 0.6 * paint.PAPER, paint.PRIOR)
     middle = motor_camera.mean(axis=0)
-    tips = [mark.scene_from_bolt.apply(np.array([[0.0, 0.0, 30.0]])) for mark in marks]
     for number, group in enumerate(groups):
         place = replace(_BEHIND, left=_BEHIND.left + number * (width + 6), width=width)
         view = frame_subject(
             look_along(choose_direction(motor_camera, group), up, middle, "camera", 2000.0),
-            np.vstack([motor_camera, *tips]),
+            np.vstack([motor_camera, *arrow_tips(marks)]),
             width=place.width,
             height=place.height,
         )
@@ -197,7 +193,15 @@ def _draw_reasons_panel(sheet: Sheet, result: LocateResult, place: Panel) -> Non
     top = 50.0 + 18 * len(lines)
     for reason in result.verdict.reasons:
         lines = _wrap(reason, 70)
-        axes.text(16, top, "\n".join(lines), fontsize=10.5, va="top", color="#222222")
+        axes.text(
+            16,
+            top,
+            "\n".join(lines),
+            fontsize=10.5,
+            va="top",
+            color="#222222",
+            parse_math=False,  # a sentence may hold a file's name, with any sign in it
+        )
         top += 12 + 17 * len(lines)
 
 

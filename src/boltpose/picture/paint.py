@@ -10,7 +10,6 @@ from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, as_points
 from boltpose.picture.raster import light, rasterise, shrink
-from boltpose.picture.sheet import SUPERSAMPLING
 from boltpose.picture.view import View
 from boltpose.schema import Part
 
@@ -30,6 +29,8 @@ PART_COLORS = {
 }
 """After the colours in the label files of the paper's group, paled so that arrows stand out."""
 
+SUPERSAMPLING = 2
+"""Images are drawn this many times finer and averaged: smooth edges."""
 _MAX_POINTS = 1_000_000
 """More points than pixels show nothing more."""
 

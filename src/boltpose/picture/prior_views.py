@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from boltpose.picture import paint
-from boltpose.picture.marks import BoltMark, Ink, draw_bolts, draw_scale_bar
+from boltpose.picture.bolt_marks import BoltMark, Ink
+from boltpose.picture.marks import draw_bolts, draw_scale_bar
 from boltpose.picture.sheet import Panel, Sheet
 from boltpose.picture.view import frame_subject, look_along
 from boltpose.schema import Part, Prior, Side

@@ -18,8 +18,6 @@ from boltpose.errors import InputFileError
 from boltpose.io.atomic import write_atomic
 
 DPI = 100
-SUPERSAMPLING = 2
-"""Images are drawn this many times finer and averaged: smooth edges."""
 
 _BANNER_PX = 46
 _FOOTER_PX = 64
@@ -66,6 +64,7 @@ class Sheet:
             fontsize=12,
             va="center",
             ha="right",
+            parse_math=False,
         )
 
     def panel(self, place: Panel, image: FloatArray | None, title: str) -> Axes:
@@ -111,7 +110,7 @@ class Sheet:
                 handlelength=3.2,
                 borderaxespad=0.3,
             )
-        axes.text(12, 10, text, fontsize=9, color="#555555", va="bottom")
+        axes.text(12, 10, text, fontsize=9, color="#555555", va="bottom", parse_math=False)
 
     def save(self, path: Path) -> None:
         """Write the picture; the suffix chooses the format.

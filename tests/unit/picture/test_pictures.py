@@ -12,10 +12,11 @@ from boltpose.errors import FrameError, InputFileError
 from boltpose.geometry.transforms import Transform
 from boltpose.picture import draw_located, draw_prior
 from boltpose.picture.behind import choose_direction, heads_in_sight
+from boltpose.picture.bolt_marks import BoltMark, Ink
 from boltpose.picture.fit import tint_fit
-from boltpose.picture.marks import BoltMark, Ink
 from boltpose.picture.paint import distance_tints
 from boltpose.picture.view import frame_subject, look_along
+from boltpose.schema import BoltState
 from tests.support import results
 
 GREEN, RED = (0x1B, 0x7F, 0x3B), (0xB3, 0x00, 0x1B)
@@ -129,6 +130,46 @@ def test_a_refused_result_names_the_reasons_and_no_bolt(tmp_path: Path, texts: l
     assert texts.count("REFUSED") == 2
     assert set(result.verdict.reasons) <= {text.replace("\n", " ") for text in texts}
     assert not any(text.startswith(("T1", "T2", "B1")) for text in texts)
+
+
+def test_a_contradicted_bolt_is_crossed_out_without_an_arrow(
+    tmp_path: Path, texts: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arrows = []
+    monkeypatch.setattr("boltpose.picture.marks._draw_arrow", lambda *given: arrows.append(given))
+    prior = results.cube_prior()
+    scan = results.cube_scan(prior)
+    result = results.located(prior)
+    first, *others = result.bolts
+    gone = replace(first, state=BoltState.CONTRADICTED, state_reason="a missing screw")
+
+    draw_located(
+        tmp_path / "p.png",
+        replace(result, bolts=(gone, *others)),
+        scan,
+        prior,
+        results.BASE_FROM_CAMERA,
+    )
+
+    assert {call[3] for call in arrows} == {Ink.PARTIAL, Ink.HIDDEN}
+    assert any(text.startswith("NO TOOL AT T1;") for text in texts)
+
+
+def test_names_are_never_taken_for_formulas(tmp_path: Path) -> None:
+    prior = replace(results.cube_prior(), name=r"$\frac{$")
+    scan = results.cube_scan(prior)
+    result = results.located(prior)
+    bolts = tuple(replace(bolt, id=rf"$\{bolt.id}{{$") for bolt in result.bolts)
+
+    draw_located(
+        tmp_path / "p.png",
+        replace(result, bolts=bolts),
+        scan,
+        prior,
+        results.BASE_FROM_CAMERA,
+    )
+
+    assert banner_color(tmp_path / "p.png") == GREEN
 
 
 def test_a_result_in_base_cannot_be_drawn_without_hand_eye(tmp_path: Path) -> None:
