@@ -1,40 +1,41 @@
-"""A person's check of a prior: add a bolt that was missed, remove what is none, confirm one."""
+"""A person's check of a prior: add a missed bolt, remove what is none, confirm one, flip one."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
+from threadpoolctl import threadpool_limits
 
 from boltpose.arrays import FloatArray, as_points
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
 from boltpose.prior.alignment import bolt_rotation
-from boltpose.prior.find_bolts import FindBoltsConfig, find_bolts
-from boltpose.schema import Part, Prior, PriorBolt, Side
-from boltpose.segmentation.predictor import PARTS
+from boltpose.prior.confidence import placement_probability
+from boltpose.prior.pointed_head import PointedHeadConfig, measure_pointed_head
+from boltpose.schema import Prior, PriorBolt, Side
 
 ADDED = "added by a person"
 CONFIRMED = "confirmed by a person"
+FLIPPED = "turned to the other side by a person"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EditConfig:
     """How far a person's click may be from the head it means."""
 
-    reach_mm: float = 6.0
-    """Points this near to the click are offered to the head fit: half an M6 head and a bit."""
     surface_mm: float = 5.0
     """A click farther than this from every scan point is refused: wrong frame or unit."""
     unfitted_sigma_mm: float = 1.0
     """1 sigma of a position that rests on the click alone: a careful hand on a screen."""
     nominal_diameter_mm: float = 10.0
     """Head diameter noted when no head could be fitted (M6 spanner size)."""
-    bolts: FindBoltsConfig = field(default_factory=FindBoltsConfig)
+    head: PointedHeadConfig = field(default_factory=PointedHeadConfig)
 
     def __post_init__(self) -> None:
-        for name in ("reach_mm", "surface_mm", "unfitted_sigma_mm", "nominal_diameter_mm"):
+        for name in ("surface_mm", "unfitted_sigma_mm", "nominal_diameter_mm"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
 
@@ -42,8 +43,9 @@ class EditConfig:
 def add_bolt(prior: Prior, position: npt.ArrayLike, config: EditConfig | None = None) -> Prior:
     """Add the bolt at a point, snapped to the head found there.
 
-    Where no head can be fitted the click itself is taken: the person has seen the bolt. The
-    remark says so and the sigma is that of a click.
+    The point may be anywhere on the head. Where the head's shape is measured well the bolt is
+    sure. Where it is measured badly, or where no head can be fitted and the click itself is
+    taken, the bolt is unsure, the remark says why, and a person has to confirm what came out.
 
     Args:
         prior: The prior.
@@ -55,23 +57,25 @@ def add_bolt(prior: Prior, position: npt.ArrayLike, config: EditConfig | None = 
 
     Raises:
         ConfigError: The point lies off the surface, or on a bolt the prior already has.
+        ShapeError: It is not three finite numbers.
     """
     config = config or EditConfig()
     click = as_points(np.atleast_2d(np.asarray(position, dtype=np.float64)), "position")[0]
     distance = np.linalg.norm(prior.points - click, axis=1)
     where = ",".join(f"{value:g}" for value in click)
-    if distance.min() > config.surface_mm:
+    if not distance.min(initial=np.inf) <= config.surface_mm:
         raise ConfigError(
             f"no surface at {where}: the nearest scan point is {distance.min():.1f} mm away, "
             f"wanted at most {config.surface_mm} mm; is it in mm in the scan's own frame?"
         )
-    bolt = _fit_at(prior, distance, config) or _place_at(prior, click, distance, config)
-    for other in prior.bolts:
-        gap = np.linalg.norm(
-            other.prior_from_bolt.translation_mm - bolt.prior_from_bolt.translation_mm
-        )
-        if gap < max(other.head_diameter_mm, bolt.head_diameter_mm) / 2:
-            raise ConfigError(f"bolt {other.id} is already at {where} ({gap:.1f} mm beside)")
+    # one BLAS thread: sums in another order give other bits
+    with threadpool_limits(1, user_api="blas"):
+        bolt = measure_pointed_head(prior, click, config.head)
+    if bolt is None:
+        bolt = _place_at(prior, click, distance, config)
+    else:
+        bolt = _vouched(bolt, ADDED)
+    _require_room(prior, bolt, where)
     bolt = replace(bolt, id=_free_id(prior, bolt.side))
     return replace(prior, bolts=_ordered((*prior.bolts, bolt)))
 
@@ -82,7 +86,7 @@ def remove_bolt(prior: Prior, bolt_id: str) -> Prior:
     Raises:
         ConfigError: There is no bolt of that id.
     """
-    _require(prior, bolt_id)
+    require_bolt(prior, bolt_id)
     return replace(prior, bolts=tuple(bolt for bolt in prior.bolts if bolt.id != bolt_id))
 
 
@@ -92,35 +96,100 @@ def confirm_bolt(prior: Prior, bolt_id: str) -> Prior:
     Raises:
         ConfigError: There is no bolt of that id.
     """
-    _require(prior, bolt_id)
 
     def confirmed(bolt: PriorBolt) -> PriorBolt:
         remarks = tuple(dict.fromkeys((*bolt.remarks, CONFIRMED)))
         return replace(bolt, is_sure=True, confidence=1.0, remarks=remarks)
 
+    return change_bolt(prior, bolt_id, confirmed)
+
+
+def flip_bolt(prior: Prior, bolt_id: str, config: EditConfig | None = None) -> Prior:
+    """Turn a bolt so that its head looks the other way: top becomes bottom, bottom becomes top.
+
+    The bolt is turned by 180 degrees about the middle of its head, across the axis. The head
+    stays where it is; `head_top`, where the tool lands, moves to the head's other face, and +z
+    points out of that face. If the scan shows a head that looks that way, it is measured and its
+    pose taken. If not, the turned pose is a guess along the axis: the bolt is unsure, until a
+    person confirms it.
+
+    The id changes with the side, as ids say the side; name, tool and order stay.
+
+    Args:
+        prior: The prior.
+        bolt_id: The bolt.
+        config: Settings.
+
+    Returns:
+        The prior with that bolt turned; ids of the others do not change.
+
+    Raises:
+        ConfigError: There is no bolt of that id, or another bolt is already where it would be.
+    """
+    config = config or EditConfig()
+    bolt = require_bolt(prior, bolt_id)
+    turned = _turned(bolt, config)
+    others = replace(prior, bolts=tuple(other for other in prior.bolts if other.id != bolt_id))
+    with threadpool_limits(1, user_api="blas"):
+        measured = measure_pointed_head(
+            others, turned.prior_from_bolt.translation_mm, config.head, side=turned.side
+        )
+    if measured is not None:
+        turned = replace(
+            _vouched(measured, FLIPPED), name=bolt.name, tool=bolt.tool, order=bolt.order
+        )
+    _require_room(others, turned, f"the other side of {bolt_id}")
+    # the number of an id may be taken on the other side
+    turned = replace(turned, id=_free_id(others, turned.side))
+    return replace(prior, bolts=_ordered((*others.bolts, turned)))
+
+
+def require_bolt(prior: Prior, bolt_id: str) -> PriorBolt:
+    """Return the bolt of that id.
+
+    Raises:
+        ConfigError: There is none; the text names those there are.
+    """
+    for bolt in prior.bolts:
+        if bolt.id == bolt_id:
+            return bolt
+    ids = [bolt.id for bolt in prior.bolts]
+    raise ConfigError(f"no bolt '{bolt_id}' in prior '{prior.name}', there are {ids}")
+
+
+def change_bolt(prior: Prior, bolt_id: str, change: Callable[[PriorBolt], PriorBolt]) -> Prior:
+    """Return the prior with one bolt replaced, in its place.
+
+    Raises:
+        ConfigError: There is no bolt of that id.
+    """
+    require_bolt(prior, bolt_id)
     return replace(
-        prior,
-        bolts=tuple(confirmed(bolt) if bolt.id == bolt_id else bolt for bolt in prior.bolts),
+        prior, bolts=tuple(change(bolt) if bolt.id == bolt_id else bolt for bolt in prior.bolts)
     )
 
 
-def _require(prior: Prior, bolt_id: str) -> None:
-    ids = [bolt.id for bolt in prior.bolts]
-    if bolt_id not in ids:
-        raise ConfigError(f"no bolt '{bolt_id}' in prior '{prior.name}', there are {ids}")
+def _vouched(bolt: PriorBolt, remark: str) -> PriorBolt:
+    """A measured head of which a person says that it is a bolt; its place may still be unsure."""
+    confidence = 1.0 if bolt.is_sure else placement_probability(bolt.sigma_lateral_mm)
+    return replace(bolt, confidence=confidence, remarks=(remark, *bolt.remarks))
 
 
-def _fit_at(prior: Prior, distance: FloatArray, config: EditConfig) -> PriorBolt | None:
-    """The head nearest to the click, found as `find_bolts` finds one whose labels are certain."""
-    probabilities = np.zeros((len(prior.points), len(PARTS)))
-    probabilities[:, PARTS.index(Part.CONNECTOR)] = 1.0
-    near = distance < config.reach_mm
-    probabilities[near] = 0.0
-    probabilities[near, PARTS.index(Part.BOLT)] = 1.0
-    found = find_bolts(prior.points, prior.normals, probabilities, prior.alignment, config.bolts)
-    if not found or not found[0].is_sure:
-        return None
-    return replace(found[0], confidence=1.0, remarks=(ADDED,))
+def _turned(bolt: PriorBolt, config: EditConfig) -> PriorBolt:
+    # about (0, 0, -h / 2) in frame `bolt`, the middle of the head
+    turn = Transform.from_parts(
+        "bolt", "bolt", np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, -bolt.head_height_mm)
+    )
+    return replace(
+        bolt,
+        side=Side.BOTTOM if bolt.side is Side.TOP else Side.TOP,
+        prior_from_bolt=bolt.prior_from_bolt @ turn,
+        sigma_axial_mm=max(bolt.sigma_axial_mm, config.unfitted_sigma_mm),
+        is_sure=False,
+        # the scan said one thing and the person another
+        confidence=min(bolt.confidence, 0.5),
+        remarks=(f"{FLIPPED}, no head was found that looks this way: its height is a guess",),
+    )
 
 
 def _place_at(
@@ -143,9 +212,21 @@ def _place_at(
         head_fit_support=0.0,
         sigma_lateral_mm=config.unfitted_sigma_mm,
         sigma_axial_mm=config.unfitted_sigma_mm,
-        is_sure=True,
+        is_sure=False,
+        confidence=placement_probability(config.unfitted_sigma_mm),
         remarks=(f"{ADDED}, no head could be fitted: the point given is used as it is",),
     )
+
+
+def _require_room(prior: Prior, bolt: PriorBolt, where: str) -> None:
+    for other in prior.bolts:
+        gap = float(
+            np.linalg.norm(
+                other.prior_from_bolt.translation_mm - bolt.prior_from_bolt.translation_mm
+            )
+        )
+        if gap < max(other.head_diameter_mm, bolt.head_diameter_mm) / 2:
+            raise ConfigError(f"bolt {other.id} is already at {where} ({gap:.1f} mm beside)")
 
 
 def _free_id(prior: Prior, side: Side) -> str:
