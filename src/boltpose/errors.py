@@ -48,3 +48,7 @@ class InputFileError(BoltposeError, ValueError):
 
 class UnitError(InputFileError):
     """The size of the data says that its unit is not millimetres."""
+
+
+class PosesRefusedError(BoltposeError, ValueError):
+    """There is no pose that a robot may follow; the text says why."""

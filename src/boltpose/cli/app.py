@@ -14,6 +14,7 @@ from boltpose.cli import (
     demo,
     evaluate,
     export,
+    export_poses,
     label,
     locate,
     prior_build,
@@ -49,6 +50,7 @@ app.command("locate")(locate.locate_bolts)
 app.command("demo")(demo.run_demo)
 app.command("evaluate")(evaluate.evaluate)
 app.command("export")(export.export_network)
+app.command("export-poses")(export_poses.export_poses)
 app.command("label")(label.label_scan)
 app.command("reproduce")(reproduce.reproduce)
 train_app.command("parts")(train.train_parts)
