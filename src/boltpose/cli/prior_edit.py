@@ -1,4 +1,4 @@
-"""`boltpose prior edit`: the human check of a prior before production."""
+"""`boltpose prior edit`: the human check of a prior before production, without a screen."""
 
 from __future__ import annotations
 
@@ -13,6 +13,19 @@ from boltpose.cli.console import answer_console, note_console
 from boltpose.cli.options import JsonOption, PictureOption, PriorArgument
 from boltpose.cli.outputs import PICTURE_SUFFIXES, PRIOR_SUFFIXES, check_output
 from boltpose.errors import ConfigError
+
+ByOption = Annotated[
+    str, typer.Option("--by", metavar="WHO", help="Who did it; is written into the prior.")
+]
+DateOption = Annotated[
+    str,
+    typer.Option(
+        "--date",
+        metavar="WHEN",
+        help="When it was done; is written into the prior. Left out by default, so that the same "
+        "edits give the same bytes.",
+    ),
+]
 
 
 def edit(
@@ -30,6 +43,28 @@ def edit(
         list[str] | None,
         typer.Option("--confirm", metavar="ID", help="An unsure bolt that a person found right."),
     ] = None,
+    flip: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--flip",
+            metavar="ID",
+            help="A bolt whose head looks the other way; it gets an id of that side.",
+        ),
+    ] = None,
+    name: Annotated[
+        list[str] | None,
+        typer.Option("--name", metavar="ID=NAME", help="What people call a bolt; ID= for nothing."),
+    ] = None,
+    tool: Annotated[
+        list[str] | None,
+        typer.Option("--tool", metavar="ID=TOOL", help="The tool that turns it, e.g. T1='hex 8'."),
+    ] = None,
+    order: Annotated[
+        list[str] | None,
+        typer.Option("--order", metavar="ID=N", help="Its turn, from 1; ID= for none."),
+    ] = None,
+    by: ByOption = "",
+    date: DateOption = "",
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="By default PRIOR is replaced."),
@@ -37,26 +72,54 @@ def edit(
     picture: PictureOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Add, remove or confirm bolts; each option may be given several times."""
-    if not (add or remove or confirm):
-        raise ConfigError("nothing to edit: give --add, --remove or --confirm")
+    """Add, remove, confirm, flip or name bolts; each option may be given several times.
+
+    Ids are those of PRIOR: bolts are flipped last. In a browser: `boltpose prior review`.
+    """
+    if not (add or remove or confirm or flip or name or tool or order):
+        raise ConfigError(
+            "nothing to edit: give --add, --remove, --confirm, --flip, --name, --tool or --order"
+        )
     clicks = [_parse_point(text) for text in add or []]
+    names = _parse_pairs("--name", name)
+    tools = _parse_pairs("--tool", tool)
+    orders = {key: _parse_turn(text) for key, text in _parse_pairs("--order", order).items()}
     target = output or prior
     check_output(target, PRIOR_SUFFIXES)
     check_output(picture, PICTURE_SUFFIXES, inputs=(prior, target))
 
     from boltpose.cli.tables import describe_prior
-    from boltpose.prior.edit import add_bolt, confirm_bolt, remove_bolt
+    from boltpose.io.digest import sha256_of
     from boltpose.prior.file import prior_to_json, read_prior, write_prior
+    from boltpose.prior.review import require_no_review, with_review
+    from boltpose.prior.review_edits import (
+        AddBolt,
+        ConfirmBolt,
+        Edit,
+        FlipBolt,
+        NameBolt,
+        RemoveBolt,
+        SetOrders,
+        SetTool,
+        apply_edit,
+    )
 
     edited = read_prior(prior)
+    if target.exists():
+        require_no_review(target)
     # removed first: a wrong bolt may stand where the right one is to be added
-    for bolt_id in remove or []:
-        edited = remove_bolt(edited, bolt_id)
-    for bolt_id in confirm or []:
-        edited = confirm_bolt(edited, bolt_id)
-    for click in clicks:
-        edited = add_bolt(edited, click)
+    edits: list[Edit] = [RemoveBolt(bolt=bolt) for bolt in remove or []]
+    edits += [ConfirmBolt(bolt=bolt) for bolt in confirm or []]
+    edits += [AddBolt(position_mm=click) for click in clicks]
+    edits += [NameBolt(bolt=bolt, name=words) for bolt, words in names.items()]
+    edits += [SetTool(bolt=bolt, tool=words) for bolt, words in tools.items()]
+    if orders:
+        edits.append(SetOrders(orders=tuple(orders.items())))
+    # flipped last: a flipped bolt has another id
+    edits += [FlipBolt(bolt=bolt) for bolt in flip or []]
+    for entry in edits:
+        edited = apply_edit(edited, entry)
+    edited = with_review(edited, edits, base_sha256=sha256_of(prior), by=by, date=date)
     if picture is not None:
         from boltpose.picture import draw_prior
 
@@ -77,3 +140,25 @@ def _parse_point(text: str) -> tuple[float, float, float]:
     if not all(math.isfinite(value) for value in (x, y, z)):
         raise ConfigError(f"--add wants finite numbers, got '{text}'")
     return x, y, z
+
+
+def _parse_pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    pairs: dict[str, str] = {}
+    for text in texts or []:
+        bolt, equals, words = text.partition("=")
+        bolt = bolt.strip()
+        if not equals or not bolt:
+            raise ConfigError(f"{option} wants ID=..., for example T1=..., got '{text}'")
+        if bolt in pairs:
+            raise ConfigError(f"{option} is given twice for bolt '{bolt}'")
+        pairs[bolt] = words
+    return pairs
+
+
+def _parse_turn(text: str) -> int | None:
+    if not text.strip():
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise ConfigError(f"--order wants a number from 1, got '{text}'") from None

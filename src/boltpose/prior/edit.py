@@ -71,10 +71,7 @@ def add_bolt(prior: Prior, position: npt.ArrayLike, config: EditConfig | None = 
     # one BLAS thread: sums in another order give other bits
     with threadpool_limits(1, user_api="blas"):
         bolt = measure_pointed_head(prior, click, config.head)
-    if bolt is None:
-        bolt = _place_at(prior, click, distance, config)
-    else:
-        bolt = _vouched(bolt, ADDED)
+    bolt = _place_at(prior, click, distance, config) if bolt is None else _vouched(bolt, ADDED)
     _require_room(prior, bolt, where)
     bolt = replace(bolt, id=_free_id(prior, bolt.side))
     return replace(prior, bolts=_ordered((*prior.bolts, bolt)))

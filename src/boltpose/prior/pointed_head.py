@@ -89,7 +89,9 @@ def measure_pointed_head(
     motor_from_prior = prior.alignment.prior_from_motor.inverse()
     shares = np.zeros((len(points), len(PARTS)))
     shares[:, PARTS.index(Part.CONNECTOR)] = 1.0
-    cloud = MotorCloud.build(motor_from_prior.apply(points), motor_from_prior.rotate(normals), shares)
+    cloud = MotorCloud.build(
+        motor_from_prior.apply(points), motor_from_prior.rotate(normals), shares
+    )
     spot = motor_from_prior.apply(click)
     head = _best_head(cloud, spot, config, side)
     if head is None:
