@@ -127,6 +127,12 @@ def export_poses(
             "--first-register", metavar="N", help="fanuc: fill PR[N] and on, three per bolt."
         ),
     ] = None,
+    count_register: Annotated[
+        int | None,
+        typer.Option(
+            "--count-register", metavar="N", help="fanuc: put the number of bolts in R[N]."
+        ),
+    ] = None,
     stamp: Annotated[
         int,
         typer.Option(
@@ -176,6 +182,7 @@ def export_poses(
         max_sigma_mm=max_sigma,
         max_sigma_axis_deg=max_sigma_axis,
         fanuc_first_register=first_register,
+        fanuc_count_register=count_register,
         tcp=None if tcp is None else str(tcp),
     )
     flange_from_tool: Transform | None = None

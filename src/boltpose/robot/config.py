@@ -27,7 +27,8 @@ class Order(StrEnum):
     """How bolts follow each other that have no turn of their own in the prior."""
 
     NEAREST = "nearest"
-    """The one whose approach point is nearest to that of the bolt before."""
+    """The one whose approach point is nearest to that of the bolt before; the first of all is the
+    one seen best."""
     CONFIDENCE = "confidence"
     """The surest first."""
 
@@ -77,6 +78,8 @@ class RobotConfig:
     """CONFIG of the positions: wrist, arm and turns of your robot at the motor."""
     fanuc_first_register: int | None = None
     """First position register that the program fills, three per bolt; None fills none."""
+    fanuc_count_register: int | None = None
+    """Number register that gets the number of bolts: positions beyond are of an older scan."""
     ros_frame: str = "base"
     """`frame_id` of ROS messages: how your TF tree calls the base."""
 
@@ -101,8 +104,9 @@ class RobotConfig:
                 raise ConfigError(f"{name} must be positive and finite, got {value}")
         _check_range("fanuc_user_frame", self.fanuc_user_frame, 0, 61)
         _check_range("fanuc_tool", self.fanuc_tool, 1, 29)
-        if self.fanuc_first_register is not None:
-            _check_range("fanuc_first_register", self.fanuc_first_register, 1, 32000)
+        for name in ("fanuc_first_register", "fanuc_count_register"):
+            if getattr(self, name) is not None:
+                _check_range(name, getattr(self, name), 1, 32000)
         if not _FANUC_CONFIG.fullmatch(self.fanuc_config):
             raise ConfigError(
                 f"fanuc_config must look like 'N U T, 0, 0, 0', got '{self.fanuc_config}'"

@@ -45,6 +45,8 @@ def fanuc_text(plan: ToolPlan, name: str) -> str:
     remarks = head_lines(plan, conventions, _REMARK_LIMIT)
     # a semicolon ends the line of a program, wherever it stands
     steps = [f"!{remark.replace(';', ',') or '-'}" for remark in remarks]
+    if config.fanuc_count_register is not None:
+        steps.append(f"R[{config.fanuc_count_register}]={len(plan.poses)}")
     for pose in plan.poses:
         steps.append(f"!{_named(pose, _REMARK_LIMIT - 5)}")
         if config.fanuc_first_register is not None:
@@ -79,11 +81,12 @@ def fanuc_text(plan: ToolPlan, name: str) -> str:
 
 
 def _registers(config: RobotConfig, count: int) -> str:
-    first = config.fanuc_first_register
+    first, counter = config.fanuc_first_register, config.fanuc_count_register
+    counted = "" if counter is None else f" R[{counter}] gets the number of bolts."
     if first is None:
         return (
             "No position register is filled. --first-register N copies the positions into PR[N] "
-            "and on, where other programs read them."
+            f"and on, where other programs read them.{counted}"
         )
     last = first + 3 * count - 1
     if last > _LAST_REGISTER:
@@ -91,7 +94,7 @@ def _registers(config: RobotConfig, count: int) -> str:
             f"fanuc_first_register {first} with {count} bolts needs PR[{last}], "
             f"there are {_LAST_REGISTER} at most"
         )
-    return f"Run it to fill PR[{first}] to PR[{last}]: approach, contact, retreat of every bolt."
+    return f"Run it to fill PR[{first}] to PR[{last}]: approach, contact, retreat of every bolt.{counted}"
 
 
 def _position(number: int, comment: str, pose: Transform, config: RobotConfig) -> list[str]:

@@ -128,7 +128,7 @@ def _meaning(plan: ToolPlan) -> tuple[str, ...]:
         else "Poses are base_from_flange: the TCP was taken off; use no tool in the controller."
     )
     order = {
-        Order.NEAREST: "then the nearest next (between approach points)",
+        Order.NEAREST: "then the nearest next (between approach points), from the best seen on",
         Order.CONFIDENCE: "then by falling confidence",
     }[config.order]
     return (

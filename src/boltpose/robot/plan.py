@@ -18,6 +18,7 @@ _LEAST_SINE = math.sin(math.radians(20.0))
 of the axis would spin the tool, so another direction is taken."""
 _LEAST_RADIUS_MM = 50.0
 """Nearer to the base's z axis than this, `outward` says nothing."""
+_SEEN = (Visibility.VISIBLE, Visibility.PARTIAL, Visibility.HIDDEN)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -200,7 +201,8 @@ def _reason_against(bolt: LocatedBolt, config: RobotConfig) -> str | None:
     fits = bolt.p_tool_fits
     if config.min_tool_fits is not None and not (fits or 0.0) >= config.min_tool_fits:
         return f"p_tool_fits {fits or 0.0:.3f} below {config.min_tool_fits:g}"
-    sigma_mm = max(bolt.sigma_lateral_mm, bolt.sigma_axial_mm)
+    # of numpy, because the one of Python may pass over a NaN
+    sigma_mm = float(np.maximum(bolt.sigma_lateral_mm, bolt.sigma_axial_mm))
     if config.max_sigma_mm is not None and not sigma_mm <= config.max_sigma_mm:
         return f"sigma {sigma_mm:.2f} mm above {config.max_sigma_mm:g} mm"
     sigma_deg = math.degrees(bolt.sigma_axis_rad)
@@ -229,7 +231,8 @@ def _in_order(bolts: list[LocatedBolt], config: RobotConfig) -> list[LocatedBolt
         return first + rest
     ordered = list(first)
     while rest:
-        here = ordered[-1] if ordered else rest[0]
+        # the first of all: the best seen, of these the surest
+        here = ordered[-1] if ordered else min(rest, key=lambda b: _SEEN.index(b.visibility))
         # a tie goes to the surer one: `rest` is sorted
         nearest = min(rest, key=lambda b: round(_distance_mm(here, b, config.approach_mm), 6))
         rest.remove(nearest)
