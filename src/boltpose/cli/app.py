@@ -19,13 +19,16 @@ from boltpose.cli import (
     locate,
     prior_build,
     prior_edit,
+    prior_review,
     prior_show,
+    report,
     reproduce,
     synth,
     synth_model,
     synth_pictures,
     synth_sets,
     train,
+    view,
 )
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.errors import BoltposeError
@@ -46,12 +49,15 @@ app.add_typer(train_app, name="train")
 prior_app.command("build")(prior_build.build)
 prior_app.command("show")(prior_show.show)
 prior_app.command("edit")(prior_edit.edit)
+prior_app.command("review")(prior_review.review)
 app.command("locate")(locate.locate_bolts)
 app.command("demo")(demo.run_demo)
+app.command("view")(view.view)
 app.command("evaluate")(evaluate.evaluate)
 app.command("export")(export.export_network)
 app.command("export-poses")(export_poses.export_poses)
 app.command("label")(label.label_scan)
+app.command("report")(report.write_report_of)
 app.command("reproduce")(reproduce.reproduce)
 train_app.command("parts")(train.train_parts)
 train_app.command("scene")(train.train_scene)

@@ -112,7 +112,7 @@ def edit(
     edits += [ConfirmBolt(bolt=bolt) for bolt in confirm or []]
     edits += [AddBolt(position_mm=click) for click in clicks]
     edits += [NameBolt(bolt=bolt, name=words) for bolt, words in names.items()]
-    edits += [SetTool(bolt=bolt, tool=words) for bolt, words in tools.items()]
+    edits += [SetTool(bolts=(bolt,), tool=words) for bolt, words in tools.items()]
     if orders:
         edits.append(SetOrders(orders=tuple(orders.items())))
     # flipped last: a flipped bolt has another id

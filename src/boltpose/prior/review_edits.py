@@ -52,9 +52,9 @@ class NameBolt:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetTool:
-    """The tool that turns it; empty takes it away."""
+    """The tool that turns one or several bolts; empty takes it away."""
 
-    bolt: str
+    bolts: tuple[str, ...]
     tool: str
 
 
@@ -86,7 +86,7 @@ def apply_edit(prior: Prior, edit: Edit, config: EditConfig | None = None) -> Pr
         case NameBolt():
             return name_bolt(prior, edit.bolt, edit.name)
         case SetTool():
-            return set_tool(prior, edit.bolt, edit.tool)
+            return set_tool(prior, edit.bolts, edit.tool)
         case SetOrders():
             return set_orders(prior, dict(edit.orders))
 
@@ -111,7 +111,7 @@ def edit_to_json(edit: Edit) -> dict[str, Any]:
         case NameBolt():
             return {"edit": "name", "bolt": edit.bolt, "name": edit.name}
         case SetTool():
-            return {"edit": "tool", "bolt": edit.bolt, "tool": edit.tool}
+            return {"edit": "tool", "bolts": list(edit.bolts), "tool": edit.tool}
         case SetOrders():
             return {"edit": "order", "orders": dict(edit.orders)}
 
@@ -141,7 +141,8 @@ def _read(data: Mapping[str, Any]) -> Edit:
         case "name":
             return NameBolt(bolt=_text(data["bolt"]), name=_text(data["name"]))
         case "tool":
-            return SetTool(bolt=_text(data["bolt"]), tool=_text(data["tool"]))
+            bolts = tuple(_text(bolt) for bolt in _list(data["bolts"]))
+            return SetTool(bolts=bolts, tool=_text(data["tool"]))
         case "order":
             orders = cast("Mapping[str, Any]", data["orders"])
             return SetOrders(orders=tuple((_text(k), _turn(v)) for k, v in orders.items()))
@@ -165,6 +166,12 @@ def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(value)
     return value
+
+
+def _list(value: object) -> list[object]:
+    if not isinstance(value, list):
+        raise TypeError(value)
+    return cast("list[object]", value)
 
 
 def _turn(value: object) -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from boltpose.errors import ConfigError
@@ -39,14 +39,16 @@ def name_bolt(prior: Prior, bolt_id: str, name: str) -> Prior:
     return change_bolt(prior, bolt_id, lambda bolt: replace(bolt, name=wanted))
 
 
-def set_tool(prior: Prior, bolt_id: str, tool: str) -> Prior:
-    """Say which tool turns a bolt, in the cell's own words; empty takes it away.
+def set_tool(prior: Prior, bolt_ids: Collection[str], tool: str) -> Prior:
+    """Say which tool turns some bolts, in the cell's own words; empty takes it away.
 
     Raises:
         ConfigError: No such bolt, or the words are too long or hold control characters.
     """
     wanted = clean_words(tool, "a tool")
-    return change_bolt(prior, bolt_id, lambda bolt: replace(bolt, tool=wanted))
+    for bolt_id in bolt_ids:
+        prior = change_bolt(prior, bolt_id, lambda bolt: replace(bolt, tool=wanted))
+    return prior
 
 
 def set_orders(prior: Prior, orders: Mapping[str, int | None]) -> Prior:

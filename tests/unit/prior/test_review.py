@@ -46,7 +46,7 @@ def edits() -> st.SearchStrategy[Edit]:
         st.builds(ConfirmBolt, bolt=ids),
         st.builds(FlipBolt, bolt=ids),
         st.builds(NameBolt, bolt=ids, name=words),
-        st.builds(SetTool, bolt=ids, tool=words),
+        st.builds(SetTool, bolts=st.lists(ids, max_size=3).map(tuple), tool=words),
         st.dictionaries(ids, st.none() | st.integers(-1, 4), min_size=1, max_size=3).map(
             lambda orders: SetOrders(orders=tuple(orders.items()))
         ),
@@ -134,7 +134,7 @@ def test_a_journal_cut_off_anywhere_loses_the_last_acts_only(
         perform(session, acts)
         # keep something unsaved, or closing removes the journal
         for bolt in session.prior.bolts[:1]:
-            session.do(SetTool(bolt=bolt.id, tool="last"))
+            session.do(SetTool(bolts=(bolt.id,), tool="last"))
     if not journal.exists():
         return
     whole = journal.read_bytes()
@@ -177,7 +177,7 @@ def test_a_new_edit_ends_what_could_be_redone(path: Path) -> None:
     with ReviewSession.open(path) as session:
         session.do(ConfirmBolt(bolt="B1"))
         session.undo()
-        session.do(SetTool(bolt="T1", tool="hex 8"))
+        session.do(SetTool(bolts=("T1",), tool="hex 8"))
         assert not session.can_redo
         with pytest.raises(ConfigError, match="nothing to redo"):
             session.redo()
@@ -217,7 +217,7 @@ def test_saving_writes_the_prior_and_empties_the_journal(path: Path) -> None:
 def test_a_second_review_adds_to_the_first(path: Path) -> None:
     for tool in ("hex 8", "hex 10"):
         with ReviewSession.open(path) as session:
-            session.do(SetTool(bolt="T1", tool=tool))
+            session.do(SetTool(bolts=("T1",), tool=tool))
             session.save(date="2026-11-23")
     reviews = read_prior(path).provenance["reviews"]
     assert [entry["edits"][0]["tool"] for entry in reviews] == ["hex 8", "hex 10"]
@@ -238,7 +238,7 @@ def test_saved_under_another_name_all_edits_go_into_the_next_file_too(path: Path
     with ReviewSession.open(path) as session:
         session.do(ConfirmBolt(bolt="B1"))
         session.save(output=output)
-        session.do(SetTool(bolt="T1", tool="hex 8"))
+        session.do(SetTool(bolts=("T1",), tool="hex 8"))
         assert session.has_unsaved
         session.save(output=output)
     assert sha256_of(path) == base
@@ -333,11 +333,11 @@ def test_a_disk_that_is_full_leaves_review_and_journal_as_they_were(
 
         monkeypatch.setattr(os, "write", half)
         with pytest.raises(OSError, match="No space left"):
-            session.do(SetTool(bolt="T1", tool="hex 8"))
+            session.do(SetTool(bolts=("T1",), tool="hex 8"))
         monkeypatch.undo()
         assert ReviewJournal.path_of(path).read_bytes() == before
         assert session.prior.bolt("T1").tool == ""
-        session.do(SetTool(bolt="T1", tool="hex 8"))
+        session.do(SetTool(bolts=("T1",), tool="hex 8"))
     with ReviewSession.open(path) as again:
         assert again.prior.bolt("T1").tool == "hex 8"
 
@@ -348,7 +348,7 @@ from boltpose.prior.review import ReviewSession
 from boltpose.prior.review_edits import ConfirmBolt, SetTool
 session = ReviewSession.open(sys.argv[1])
 session.do(ConfirmBolt(bolt="B1"))
-session.do(SetTool(bolt="T1", tool="hex 8"))
+session.do(SetTool(bolts=("T1",), tool="hex 8"))
 if sys.argv[2] == "saving":
     # between the new prior and the emptied journal
     session._journal.start = lambda *_: os.kill(os.getpid(), signal.SIGKILL)

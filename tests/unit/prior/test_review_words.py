@@ -23,7 +23,7 @@ def prior() -> Prior:
 
 
 def test_words_are_kept_and_touch_nothing_else(prior: Prior) -> None:
-    named = set_tool(name_bolt(prior, "T2", " solenoid  upper "), "T2", "Torx E12")
+    named = set_tool(name_bolt(prior, "T2", " solenoid  upper "), ["T2"], "Torx E12")
     assert (named.bolt("T2").name, named.bolt("T2").tool) == ("solenoid upper", "Torx E12")
     assert named.bolt("T1") is prior.bolt("T1")
     assert named.bolt("T2").prior_from_bolt is prior.bolt("T2").prior_from_bolt
@@ -49,13 +49,13 @@ def test_what_does_not_print_is_refused(prior: Prior, bad: str) -> None:
     with pytest.raises(ConfigError, match="printable characters only"):
         name_bolt(prior, "T1", bad)
     with pytest.raises(ConfigError, match="printable characters only"):
-        set_tool(prior, "T1", bad)
+        set_tool(prior, ["T1"], bad)
 
 
 def test_long_words_are_refused(prior: Prior) -> None:
-    assert set_tool(prior, "T1", "x" * MAX_WORDS).bolt("T1").tool == "x" * MAX_WORDS
+    assert set_tool(prior, ["T1"], "x" * MAX_WORDS).bolt("T1").tool == "x" * MAX_WORDS
     with pytest.raises(ConfigError, match="at most 60 characters, got 61"):
-        set_tool(prior, "T1", "x" * (MAX_WORDS + 1))
+        set_tool(prior, ["T1"], "x" * (MAX_WORDS + 1))
 
 
 @given(text=st.text())
@@ -101,7 +101,7 @@ def test_a_turn_is_a_number_from_1(prior: Prior, bad: object) -> None:
 def test_an_unknown_bolt_is_named_with_those_there_are(prior: Prior) -> None:
     for change in (
         lambda: name_bolt(prior, "X", "a"),
-        lambda: set_tool(prior, "X", "a"),
+        lambda: set_tool(prior, ["X"], "a"),
         lambda: set_order(prior, "X", 1),
     ):
         with pytest.raises(ConfigError, match=r"no bolt 'X' in prior 'motor', there are \['T1'"):
