@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from boltpose.arrays import FloatArray, as_points
+from boltpose.arrays import Float32Array, FloatArray, as_points
 from boltpose.picture.raster import light, rasterise, shrink
 from boltpose.picture.view import View
 from boltpose.schema import Part
@@ -36,7 +36,7 @@ _MAX_POINTS = 1_000_000
 _MANY_POINTS = 50_000
 _ENOUGH_POINTS = 500
 _COLUMN_MM = (8.0, 40.0)
-"""Width of the columns in which the spacing of many points is measured, and from one to the next."""
+"""Columns of the scene in which the spacing of many points is measured: width, and to the next."""
 
 
 def paint(view: View, points: FloatArray, colors: FloatArray) -> FloatArray:
@@ -55,7 +55,7 @@ def paint(view: View, points: FloatArray, colors: FloatArray) -> FloatArray:
 
 def paint_finely(
     view: View, points: FloatArray, colors: FloatArray, factor: int, *, contrast: float = 0.85
-) -> FloatArray:
+) -> Float32Array:
     """Draw a lit point cloud with more dots than the view has.
 
     Args:
@@ -83,7 +83,7 @@ def paint_finely(
     tint = tints.astype(np.float32)[np.maximum(image.index, 0)]
     tint[~image.filled] = PAPER
     lit = np.where(image.filled, 1.10 - contrast * (1 - brightness), 1.0)
-    return np.clip(tint * lit[..., None], 0, 1)
+    return np.clip(tint * lit[..., None], 0, 1).astype(np.float32)
 
 
 def part_tints(labels: npt.NDArray[np.uint8]) -> FloatArray:

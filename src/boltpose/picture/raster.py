@@ -52,13 +52,16 @@ def rasterise(view: View, points: FloatArray, splat_mm: float) -> DepthImage:
     row = np.floor(projected[:, 1]).astype(np.int64)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     inside &= projected[:, 2] > 0
-    chosen = np.flatnonzero(inside)
-    # far to near; of repeated targets numpy keeps the last value, the nearest point
-    chosen = chosen[np.argsort(-projected[chosen, 2], kind="stable")]
-    depth = np.full((height, width), np.inf, dtype=np.float32)
-    index = np.full((height, width), -1, dtype=np.int32)
-    depth[row[chosen], column[chosen]] = projected[chosen, 2]
-    index[row[chosen], column[chosen]] = chosen
+    chosen = np.flatnonzero(inside).astype(np.int32)
+    pixel = row[chosen] * width + column[chosen]
+    distance = projected[chosen, 2].astype(np.float32)
+    depth = np.full(height * width, np.inf, dtype=np.float32)
+    np.minimum.at(depth, pixel, distance)
+    index = np.full(height * width, -1, dtype=np.int32)
+    is_nearest = distance == depth[pixel]
+    # of repeated targets numpy keeps the last value: the later of two equally near points
+    index[pixel[is_nearest]] = chosen[is_nearest]
+    depth, index = depth.reshape(height, width), index.reshape(height, width)
     reach = int(np.clip(round(splat_mm * view.pixels_per_mm / 2), 0, 12))
     for axis in (0, 1):
         depth, index = _grow(depth, index, reach, axis)
@@ -79,8 +82,8 @@ def _grow(
         moved, moved_owner = depth[tuple(source)], index[tuple(source)]
         kept, kept_owner = nearest[tuple(target)], owner[tuple(target)]
         wins = moved < kept
-        kept[wins] = moved[wins]
-        kept_owner[wins] = moved_owner[wins]
+        np.copyto(kept, moved, where=wins)
+        np.copyto(kept_owner, moved_owner, where=wins)
     return nearest, owner
 
 

@@ -15,7 +15,7 @@ SEEN_WORDS = {
     Visibility.HIDDEN: "hidden",
 }
 _STATE_WORDS = {BoltState.CONFIRMED: "confirmed", BoltState.UNSEEN: "not checked"}
-_NAME_LENGTH, _TOOL_LENGTH = 36, 18
+_NAME_LENGTH, _TOOL_LENGTH = 30, 14
 """Longer ones are cut in the table; pointing at the cell shows all of it."""
 
 
@@ -27,6 +27,11 @@ def in_order(bolts: Sequence[LocatedBolt]) -> list[LocatedBolt]:
 def contradicted(bolts: Sequence[LocatedBolt]) -> list[LocatedBolt]:
     """Bolts that no tool must go to."""
     return [bolt for bolt in bolts if bolt.state is BoltState.CONTRADICTED]
+
+
+def has_notes(bolt: LocatedBolt) -> bool:
+    """Tell whether a bolt takes a second line."""
+    return _notes(bolt) is not None
 
 
 def bolt_section(result: LocateResult) -> Html | None:
@@ -41,10 +46,11 @@ def bolt_section(result: LocateResult) -> Html | None:
             "h2",
             f"Bolts in frame \N{LEFT SINGLE QUOTATION MARK}{result.frame}"
             "\N{RIGHT SINGLE QUOTATION MARK}",
+            None if result.frame == "base" else tag("em", ": NOT ROBOT COORDINATES"),
             tag(
                 "small",
-                " mm; middle of the head's top face, axis out of the head; sigma: 1 sigma"
-                " beside / along the axis, and of its direction",
+                " mm; middle of the head's top face, axis out of the head; sigma: beside / along"
+                " the axis, and of its direction",
             ),
         ),
         tag(
@@ -63,7 +69,7 @@ class _Columns:
         self._has_order = any(bolt.order is not None for bolt in bolts)
         self._has_tool = any(bolt.tool for bolt in bolts)
         self._has_fit = any(bolt.p_tool_fits is not None for bolt in bolts)
-        self._count = 9 + self._has_order + self._has_tool + self._has_fit
+        self._count = 8 + self._has_order + self._has_tool + self._has_fit
 
     def head(self) -> Html:
         return tag(
@@ -74,8 +80,7 @@ class _Columns:
             _header("camera"),
             _header("state"),
             *(_header(name, "n") for name in ("x", "y", "z", "axis x y z")),
-            _header("sigma mm", "n"),
-            _header("sigma \N{DEGREE SIGN}", "n"),
+            _header("sigma", "n"),
             _header("tool fits", "n") if self._has_fit else None,
         )
 
@@ -105,20 +110,19 @@ class _Columns:
             [visibility_icon(bolt.visibility), f" {SEEN_WORDS[bolt.visibility]} "]
             + ([percent(bolt.visible_fraction)] if bolt.visible_fraction > 0 else [])
         )
-        axis = " ".join(number(float(value), 4) for value in bolt.axis)
+        axis = " ".join(number(float(value), 3) for value in bolt.axis)
         fits = "\N{EN DASH}" if bolt.p_tool_fits is None else percent(bolt.p_tool_fits)
         return [
             tag("td", "" if bolt.order is None else bolt.order) if self._has_order else None,
             _name_cell(bolt),
-            tag("td", clip(bolt.tool, _TOOL_LENGTH), title=bolt.tool or None)
+            tag("td", clip(bolt.tool, _TOOL_LENGTH), title=bolt.tool or None, class_="word")
             if self._has_tool
             else None,
             tag("td", seen, class_="word"),
             tag("td", _state(bolt), class_="word"),
             *(figure(number(float(value), 2)) for value in bolt.head_top),
             figure(axis),
-            figure(f"{number(bolt.sigma_lateral_mm, 2)} / {number(bolt.sigma_axial_mm, 2)}"),
-            figure(number(math.degrees(bolt.sigma_axis_rad), 2)),
+            figure(_sigma(bolt)),
             figure(fits) if self._has_fit else None,
         ]
 
@@ -141,7 +145,12 @@ def _name_cell(bolt: LocatedBolt) -> Html:
 def _state(bolt: LocatedBolt) -> Html:
     if bolt.state is BoltState.CONTRADICTED:
         return join([cross_icon(), tag("strong", " DO NOT TOUCH")])
-    return join([_STATE_WORDS[bolt.state], None if bolt.is_sure else tag("strong", " (look!)")])
+    return join([_STATE_WORDS[bolt.state], None if bolt.is_sure else tag("strong", " look!")])
+
+
+def _sigma(bolt: LocatedBolt) -> str:
+    beside, along = number(bolt.sigma_lateral_mm, 2), number(bolt.sigma_axial_mm, 2)
+    return f"{beside} / {along}, {number(math.degrees(bolt.sigma_axis_rad), 2)}\N{DEGREE SIGN}"
 
 
 def _notes(bolt: LocatedBolt) -> Html | None:
@@ -165,5 +174,5 @@ def _notes(bolt: LocatedBolt) -> Html | None:
             )
         )
     if bolt.remarks:
-        lines.append(join([f"{remark}." for remark in bolt.remarks], " "))
+        lines.append(join([f"Prior: {'; '.join(bolt.remarks)}."]))
     return join(lines, " ") if lines else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import html
 import math
 import unicodedata
@@ -27,13 +28,16 @@ def escape(text: object) -> Html:
     """
     if isinstance(text, Html):
         return text
+    plain = str(text)
+    if plain.isascii() and plain.isprintable():
+        return Html(html.escape(plain, quote=True))
     kept = (
         " "
         if sign in "\n\r\t"
         else _UNREADABLE
         if unicodedata.category(sign) in _HIDDEN_KINDS
         else sign
-        for sign in str(text)
+        for sign in plain
     )
     return Html(html.escape("".join(kept), quote=True))
 
@@ -58,6 +62,11 @@ def tag(name: str, /, *children: object, **attributes: object) -> Html:
     if name in _VOID:
         return Html(f"<{name}{shown}>" if name in ("meta", "br") else f"<{name}{shown}/>")
     return Html(f"<{name}{shown}>{join(children)}</{name}>")
+
+
+def data_uri(data: bytes, media_type: str) -> Html:
+    """Bytes as an address that holds them; of an alphabet in which nothing needs escaping."""
+    return Html(f"data:{escape(media_type)};base64,{base64.b64encode(data).decode('ascii')}")
 
 
 def join(parts: Iterable[object], between: str = "") -> Html:

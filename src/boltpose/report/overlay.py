@@ -61,7 +61,7 @@ def triad(view: View, view_from_frame: FloatArray, frame: str) -> Html:
         view_from_frame: Shape (3, 3), its columns are the frame's axes in `view`.
         frame: Its name.
     """
-    origin = np.array([view.width - 52.0, view.height - 58.0])
+    origin = np.array([view.width - 56.0, view.height - 68.0])
     parts: list[Html] = []
     # the axis that points away from the viewer first: the others are drawn over it
     for column in np.argsort(-view_from_frame[2]):
@@ -72,16 +72,8 @@ def triad(view: View, view_from_frame: FloatArray, frame: str) -> Html:
             # towards the viewer a dot in a ring, away from him a cross in a ring
             towards = view_from_frame[2, column] < 0
             parts += [
-                tag(
-                    "circle",
-                    cx=_px(origin[0]),
-                    cy=_px(origin[1]),
-                    r=6,
-                    fill="#fff",
-                    stroke="#111",
-                    stroke_width=1.6,
-                ),
-                tag("circle", cx=_px(origin[0]), cy=_px(origin[1]), r=2.2, fill="#111")
+                _dot(origin, 6, fill="#fff", stroke="#111", stroke_width=1.6),
+                _dot(origin, 2.2, fill="#111")
                 if towards
                 else tag("path", d=_saltire(origin, 4), **_line("#111", 1.6)),
                 label(name, origin[0] - 13, origin[1] + 14, anchor="middle"),
@@ -97,24 +89,20 @@ def triad(view: View, view_from_frame: FloatArray, frame: str) -> Html:
     return join(parts)
 
 
-def stamp(view: View, text: str) -> Html:
-    """Large words across a picture that must not be followed."""
-    x, y = view.width / 2, view.height / 2
-    size = round(1.45 * view.width / max(len(text), 1), 1)
-    return tag(
-        "text",
-        text,
-        x=_px(x),
-        y=_px(y),
-        transform=f"rotate(-24 {_px(x)} {_px(y)})",
-        text_anchor="middle",
-        font_size=min(size, 64),
-        font_weight="bold",
-        fill="#b3001b",
-        fill_opacity="0.85",
-        stroke="#fff",
-        stroke_width=1.5,
-        paint_order="stroke",
+def ribbon(view: View, text: str) -> Html:
+    """A red band with words across the top of a picture that must not be followed."""
+    return join(
+        [
+            tag("rect", x=0, y=0, width=view.width, height=30, fill="#a80019"),
+            tag(
+                "text",
+                text,
+                x=_px(view.width / 2),
+                y=21,
+                text_anchor="middle",
+                class_="ribbon",
+            ),
+        ]
     )
 
 
@@ -150,17 +138,7 @@ def _target(view: View, mark: BoltMark, shaft: FloatArray) -> Html:
     ]
     if length < _SHORT_PX:
         fill = ink.color if ink.is_solid else "#fff"
-        parts.append(
-            tag(
-                "circle",
-                cx=_px(tail[0]),
-                cy=_px(tail[1]),
-                r=3.6,
-                fill=fill,
-                stroke=ink.color,
-                stroke_width=2,
-            )
-        )
+        parts.append(_dot(tail, 3.6, fill=fill, stroke=ink.color, stroke_width=2))
         return join(parts)
     heading = (tip - tail) / length
     beside = np.array([-heading[1], heading[0]])

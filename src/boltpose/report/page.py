@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from boltpose.errors import ConfigError, FrameError
 from boltpose.io.atomic import write_atomic
 from boltpose.picture.bolt_marks import camera_from_result
-from boltpose.report.bolts import bolt_section
+from boltpose.report.bolts import bolt_section, has_notes
 from boltpose.report.facts import fact_section
 from boltpose.report.markup import tag
 from boltpose.report.pictures import picture_section
@@ -22,6 +23,8 @@ from boltpose.schema import LocateResult, Prior, Scan
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """The browser itself refuses scripts and every request, whatever a file's text may hold."""
+_MANY_LINES = 17
+"""More lines about bolts than this are set closer in print, so that twelve bolts fit on a sheet."""
 _SAME_PLACE_MM = 0.05
 """A bolt of the result and of the posed prior farther apart than this belong to two motors."""
 
@@ -51,15 +54,18 @@ def render_report(
     """
     _check_frame(result)
     _check_prior(result, prior)
+    # one BLAS thread, as in `locate`: the same bits everywhere, and half the processor time
+    with threadpool_limits(1, user_api="blas"):
+        pictures = picture_section(result, scan, prior)
     bolts = bolt_section(result)
-    # two columns of small print where there is little else, more picture where there are few bolts
-    density = "many" if len(result.bolts) > 9 else "few"
+    warnings = notices(result)
+    lines = len(result.bolts) + sum(map(has_notes, result.bolts)) + 2 * len(warnings)
     body = tag(
         "main",
         banner(result, scan.source),
-        *notices(result),
+        *warnings,
         refusal_section(result),
-        picture_section(result, scan, prior),
+        pictures,
         bolts,
         tag(
             "div",
@@ -72,7 +78,7 @@ def render_report(
             "Lengths in mm. Probabilities and sigmas hold for the camera they were measured with."
             " The robot reads poses.json, never this page.",
         ),
-        class_=density,
+        class_="dense" if lines > _MANY_LINES else "roomy",
     )
     word = "OK" if result.is_ok else "REFUSED"
     head = tag(

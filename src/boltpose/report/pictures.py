@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from PIL import Image
 
-from boltpose.arrays import FloatArray
+from boltpose.arrays import Float32Array, FloatArray
 from boltpose.geometry.transforms import Transform
 from boltpose.picture.behind import choose_direction, heads_in_sight
 from boltpose.picture.bolt_marks import (
@@ -23,9 +22,9 @@ from boltpose.picture.bolt_marks import (
 )
 from boltpose.picture.paint import MOTOR, PAPER, PRIOR, SURROUNDINGS, paint_finely
 from boltpose.picture.view import View, frame_subject, look_along
-from boltpose.report.markup import Html, join, tag
-from boltpose.report.overlay import bolt_marks, scale_bar, stamp, triad, view_axes
-from boltpose.report.residual_map import draw_residuals
+from boltpose.report.markup import Html, data_uri, join, tag
+from boltpose.report.overlay import bolt_marks, ribbon, scale_bar, triad, view_axes
+from boltpose.report.residual_map import KEY_PX, draw_residuals
 from boltpose.report.residuals import Residuals, measure_residuals
 from boltpose.schema import LocateResult, Part, Prior, Scan, Visibility
 
@@ -74,14 +73,18 @@ def picture_section(result: LocateResult, scan: Scan, prior: Prior) -> Html:
         motor=None if candidate is None else candidate.apply(prior.points),
         residuals=None if candidate is None else measure_residuals(points, prior, candidate),
     )
-    jobs = [_draw_camera]
+    jobs: list[Callable[[_Scene], Html]] = [_draw_camera]
     if scene.motor is not None:
         jobs.append(_draw_fit)
         if result.is_ok:
             jobs.append(_draw_hidden)
     with ThreadPoolExecutor(2) as pool:
-        figures = list(pool.map(lambda job: job(scene), jobs))
+        figures = list(pool.map(_draw, jobs, [scene] * len(jobs)))
     return tag("section", *figures, class_=f"pictures p{len(figures)}")
+
+
+def _draw(job: Callable[[_Scene], Html], scene: _Scene) -> Html:
+    return job(scene)
 
 
 def _draw_camera(scene: _Scene) -> Html:
@@ -103,7 +106,7 @@ def _draw_camera(scene: _Scene) -> Html:
         triad(view, frame, f"axes of {scene.result.frame}"),
     ]
     if not scene.result.is_ok:
-        over.append(stamp(view, "REFUSED"))
+        over.append(ribbon(view, "REFUSED: no pose is given"))
     counts = [
         f"{sum(mark.ink is ink for mark in scene.marks)} {ink.label}"
         for ink in Ink
@@ -119,14 +122,17 @@ def _draw_camera(scene: _Scene) -> Html:
 def _draw_fit(scene: _Scene) -> Html:
     assert scene.motor is not None
     assert scene.residuals is not None
-    view = _camera_view(scene.motor, _WIDTH_SIDE)
+    view = _camera_view(scene.motor, _WIDTH_SIDE, _HEIGHT - KEY_PX)
     drawn = draw_residuals(view, scene.points, scene.residuals, scene.motor, _DOTS_PER_PX)
     over: list[Html] = [drawn.key]
     title = "Distance of the scan to the prior"
     if not scene.result.is_ok:
-        over.append(stamp(view, "REJECTED POSE"))
-        title = "The best pose found, rejected: never use it"
-    return _figure(_canvas(view, drawn.image, join(over), f"{title}. {drawn.words}"), join([title]))
+        over.append(ribbon(view, "REJECTED: never use this pose"))
+        title = "Distance of the scan to the best pose found, which is rejected"
+    return _figure(
+        _canvas(view, drawn.image, join(over), f"{title}: {drawn.words}.", below=KEY_PX),
+        join([title]),
+    )
 
 
 def _draw_hidden(scene: _Scene) -> Html:
@@ -136,26 +142,18 @@ def _draw_hidden(scene: _Scene) -> Html:
         [
             mark
             for bolt, mark in zip(scene.result.bolts, scene.marks, strict=True)
-            if bolt.visibility is Visibility.HIDDEN and bolt.side is side
+            if bolt.visibility is Visibility.HIDDEN
+            and bolt.side is side
+            and mark.ink is not Ink.FORBIDDEN
         ]
         for side in dict.fromkeys(bolt.side for bolt in scene.result.bolts)
     ]
     groups = [group for group in hidden if group] or [scene.marks]
-    height = (_HEIGHT - 4 * (len(groups) - 1)) // len(groups)
-    middle = scene.motor.mean(axis=0)
-    camera_from_frame = camera_from_result(scene.result)
-    # upright as the robot stands where the hand-eye is known, else as the camera holds it
-    up = camera_from_frame.z_axis if camera_from_frame.source == "base" else np.array([0, -1.0, 0])
+    views = _views_of_groups(scene, groups)
     tints = np.tile(0.45 * PRIOR + 0.55 * PAPER, (len(scene.motor), 1))
     tints[scene.prior.labels == Part.BOLT] = 0.2 * PRIOR + 0.8 * PAPER
     canvases: list[Html] = []
-    for group in groups:
-        view = frame_subject(
-            look_along(choose_direction(scene.motor, group), up, middle, "camera", _AWAY_MM),
-            np.vstack([scene.motor, *arrow_tips(scene.marks)]),
-            width=_WIDTH_SIDE,
-            height=height,
-        )
+    for group, view in zip(groups, views, strict=True):
         in_sight = heads_in_sight(view, scene.motor, scene.marks)
         shown = [m for m, s in zip(scene.marks, in_sight, strict=True) if s or m in group]
         names = ", ".join(mark.name for mark in group)
@@ -168,36 +166,69 @@ def _draw_hidden(scene: _Scene) -> Html:
             )
         )
     title = "Hidden bolts, on the prior" if any(hidden) else "The prior from another side"
-    return _figure(join(canvases), join([title]))
+    is_beside = views[0].width < _WIDTH_SIDE
+    return _figure(tag("div", *canvases, class_="beside" if is_beside else None), join([title]))
 
 
-def _camera_view(subject_camera: FloatArray, width: int) -> View:
+def _views_of_groups(scene: _Scene, groups: list[list[BoltMark]]) -> list[View]:
+    """One view per group of bolts, beside or below each other, whichever shows more."""
+    assert scene.motor is not None
+    camera_from_frame = camera_from_result(scene.result)
+    # upright as the robot stands where the hand-eye is known, else as the camera holds it
+    up = camera_from_frame.z_axis if camera_from_frame.source == "base" else np.array([0, -1.0, 0])
+    middle = scene.motor.mean(axis=0)
+    subject = np.vstack([scene.motor, *arrow_tips(scene.marks)])
+    poses = [
+        look_along(choose_direction(scene.motor, group), up, middle, "camera", _AWAY_MM)
+        for group in groups
+    ]
+    count = len(groups)
+    layouts = (
+        [
+            frame_subject(pose, subject, width=_WIDTH_SIDE, height=(_HEIGHT - count + 1) // count)
+            for pose in poses
+        ],
+        [
+            frame_subject(pose, subject, width=(_WIDTH_SIDE - count + 1) // count, height=_HEIGHT)
+            for pose in poses
+        ],
+    )
+    return max(layouts, key=lambda views: min(view.scale for view in views))
+
+
+def _camera_view(subject_camera: FloatArray, width: int, height: int = _HEIGHT) -> View:
     """As the camera sees it; side by side if the subject is not in front (a mirrored scan, say)."""
     return frame_subject(
         Transform.identity("view", "camera"),
         subject_camera,
         width=width,
-        height=_HEIGHT,
+        height=height,
         margin=0.05,
         is_pinhole=bool(np.median(subject_camera[:, 2]) > 0),
     )
 
 
-def _paint(view: View, points: FloatArray, tints: FloatArray) -> FloatArray:
+def _paint(view: View, points: FloatArray, tints: FloatArray) -> Float32Array:
     return paint_finely(view, points, tints, _DOTS_PER_PX)
 
 
-def _canvas(view: View, image: FloatArray, over: Html, alt: str) -> Html:
+def _canvas(
+    view: View, image: FloatArray | Float32Array, over: Html, alt: str, *, below: int = 0
+) -> Html:
     stream = io.BytesIO()
     pixels = np.rint(255 * image).astype(np.uint8)
     # no colour subsampling: it smears the edges of the residual map
     Image.fromarray(pixels).save(stream, "JPEG", quality=_JPEG_QUALITY, subsampling=0)
-    data = base64.b64encode(stream.getvalue()).decode("ascii")
     return tag(
         "svg",
-        tag("image", href=f"data:image/jpeg;base64,{data}", width=view.width, height=view.height),
+        tag(
+            "image",
+            href=data_uri(stream.getvalue(), "image/jpeg"),
+            width=view.width,
+            height=view.height,
+        ),
         over,
-        viewBox=f"0 0 {view.width} {view.height}",
+        viewBox=f"0 0 {view.width} {view.height + below}",
         role="img",
         aria_label=alt,
     )

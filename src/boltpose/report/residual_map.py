@@ -13,6 +13,8 @@ from boltpose.report.markup import Html, join, number, tag
 from boltpose.report.overlay import label
 from boltpose.report.residuals import BINS, FULL_MM, REACH_MM, Residuals, residual_tints
 
+KEY_PX = 50
+"""Height of the key below the map."""
 _PAPER = np.array([1.0, 1.0, 1.0])
 _BESIDE = np.array([0.90, 0.90, 0.90])
 """Scan points that do not belong to the motor."""
@@ -23,7 +25,7 @@ _SPLAT_MM = 1.6
 """Priors are thinned to about 1 mm."""
 _PULL_MM = 1.0
 """Towards the camera by a hair, so that the scan wins where both lie on the same surface."""
-_CONTRAST = 0.35
+_CONTRAST = 0.28
 """Little: light and shade must not be read as distance."""
 
 
@@ -87,65 +89,53 @@ def _words(residuals: Residuals) -> str:
 
 
 def _key(view: View, residuals: Residuals) -> Html:
-    """A colour scale in mm with the histogram of the distances standing on it."""
-    width, tall, beyond = 132.0, 26.0, 9.0
-    left, bottom = view.width - width - beyond - 14, view.height - 20.0
+    """Below the map: what the colours mean, and the histogram of the distances."""
+    left, bottom, width, tall = 122.0, view.height + KEY_PX - 17.0, 128.0, 22.0
     step = width / BINS
     shares = residuals.histogram()
     top = max(float(shares.max()), 1e-9)
-    ground = tag(
-        "rect",
-        x=left - 8,
-        y=bottom - tall - 40,
-        width=width + beyond + 18,
-        height=tall + 58,
-        fill="#fff",
-        fill_opacity="0.88",
-    )
     bars: list[Html] = []
     for row, share in enumerate(shares):
         is_last = row == BINS
-        x = left + row * step + (3 if is_last else 0)
+        # all beyond the scale stands apart
+        x = left + row * step + (4 if is_last else 0)
         middle = np.array([FULL_MM if is_last else (row + 0.5) * FULL_MM / BINS])
         color = "#" + "".join(f"{round(255 * v):02x}" for v in residual_tints(middle)[0])
         height = tall * float(share) / top
         bars += [
-            tag("rect", x=_px(x), y=_px(bottom - 8), width=_px(step), height=8, fill=color),
-            tag(
-                "rect",
-                x=_px(x),
-                y=_px(bottom - 9 - height),
-                width=_px(step - 0.8),
-                height=_px(height),
-                fill="#444",
-            ),
+            _rect(x, bottom - 8, step, 8, fill=color),
+            _rect(x, bottom - 9 - height, step - 0.8, height, fill="#444"),
         ]
     ticks = [
-        label(text, left + place * width, bottom + 14, anchor="middle")
+        label(text, left + place * width, bottom + 13, anchor="middle")
         for text, place in (("0", 0.0), (f"{FULL_MM / 2:g}", 0.5), (f"{FULL_MM:g} mm", 1.0))
     ]
-    frame = tag(
-        "rect",
-        x=_px(left),
-        y=_px(bottom - 8),
-        width=_px(width),
-        height=8,
-        fill="none",
-        stroke="#111",
-        stroke_width=0.7,
-    )
+    frame = _rect(left, bottom - 8, width, 8, fill="none", stroke="#111", stroke_width=0.7)
     lines = [
-        label(text, left - 2, bottom - tall - 26 + 13 * row)
+        label(text, 6, view.height + 18 + 16 * row)
         for row, text in enumerate(_key_lines(residuals))
     ]
-    return join([ground, *bars, frame, *ticks, *lines])
+    stripes = [
+        tag("path", d=f"M{x} {view.height + 22}l10 -10", stroke="#7f9cc9", stroke_width=3)
+        for x in (276, 283, 290)
+    ]
+    bare = [
+        label("bare prior", 302, view.height + 21),
+        _rect(276, view.height + 29, 22, 9, fill="#e6e6e6", stroke="#888", stroke_width=0.7),
+        label("other", 302, view.height + 38),
+    ]
+    return join([*bars, frame, *ticks, *lines, *stripes, *bare])
 
 
 def _key_lines(residuals: Residuals) -> list[str]:
     if not len(residuals.rows):
-        return [f"no scan within {REACH_MM:g} mm"]
+        return ["no scan point", f"within {REACH_MM:g} mm"]
     half, most = residuals.quantile_mm(0.5), residuals.quantile_mm(0.95)
-    return [f"half < {number(half, 2)}, 95 % < {number(most, 2)} mm"]
+    return [f"half \u2264 {number(half, 2)} mm", f"95 % \u2264 {number(most, 2)} mm"]
+
+
+def _rect(x: float, y: float, width: float, height: float, **ink: object) -> Html:
+    return tag("rect", x=_px(x), y=_px(y), width=_px(width), height=_px(height), **ink)
 
 
 def _px(value: float) -> float:

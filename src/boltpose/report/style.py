@@ -28,6 +28,12 @@ border-radius:6px;border:3px solid}
 background:#fff3b8;border:3px solid #111;border-left-width:12px;overflow-wrap:anywhere}
 .notice .icon{width:30px;height:30px}
 .notice strong{font-size:18px}
+.danger{border-width:6px;border-left-width:12px;font-size:18px;
+border-image:repeating-linear-gradient(45deg,#111 0 10px,#ffd400 10px 20px) 6 6 6 12}
+.danger strong{font-size:24px}
+.notice code{white-space:nowrap}
+.verdict h1 small{font-size:24px;color:#fff;letter-spacing:0;font-weight:bold}
+em{font-style:normal;color:#a80019}
 h2{font-size:16px;border-bottom:2px solid #111;margin-bottom:3px}
 h3{font-size:14px;margin-top:6px}
 small{font-weight:normal;font-size:12px;color:#333}
@@ -36,14 +42,18 @@ small{font-weight:normal;font-size:12px;color:#333}
 .pictures.p2{grid-template-columns:480fr 380fr;max-width:900px}
 .pictures.p1{max-width:620px}
 figure{border:1px solid #888;min-width:0}
-figure>svg{display:block;width:100%;height:auto}
-figure>svg+svg{border-top:1px solid #888}
+figure svg{display:block;width:100%;height:auto}
+figcaption svg.sign{display:inline}
+figure div>svg+svg{border-top:1px solid #888}
+.beside{display:grid;grid-template-columns:1fr 1fr}
+.beside>svg+svg{border-top:0;border-left:1px solid #888}
 figcaption{border-top:1px solid #888;padding:2px 6px;font-size:13px}
 .key{margin-left:10px;white-space:nowrap}
-.sign{width:26px;height:12px;vertical-align:-1px}
-svg text{font-family:inherit;paint-order:stroke;stroke:#fff;stroke-width:3.2px;
-stroke-linejoin:round}
+figure svg.sign{width:26px;height:12px;vertical-align:-1px}
+svg text{font-family:inherit}
+.label,.name{paint-order:stroke;stroke:#fff;stroke-width:3.2px;stroke-linejoin:round}
 .label{font-size:13px;fill:#111}
+.ribbon{font-size:17px;font-weight:bold;fill:#fff;stroke:none}
 .name{font-size:17px;font-weight:bold}
 table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}
 th,td{text-align:left;vertical-align:top;padding:2px 6px;overflow-wrap:anywhere}
@@ -54,7 +64,7 @@ tbody th{font-weight:normal}
 thead .n{white-space:normal}
 .bolts td,.bolts th{line-height:1.25}
 .bolts tbody{border-bottom:1px solid #ccc}
-.bolts .word{white-space:nowrap}
+.bolts .word,.bolts thead th{white-space:nowrap}
 .bolts .note{padding-top:0;padding-left:22px;font-size:13px}
 .forbidden{color:#a80019;background:#fdeaea;outline:2px solid #a80019;outline-offset:-2px}
 .forbidden s,.forbidden b{text-decoration:line-through;text-decoration-thickness:2px}
@@ -64,6 +74,8 @@ thead .n{white-space:normal}
 .advice th code{display:block;font-weight:normal;color:#444}
 .advice td{font-size:15px}
 .advice tr{border-bottom:1px solid #ccc}
+.advice .first{background:#fdeaea}
+.advice .first th,.advice .first td{font-size:18px;padding:5px 6px}
 .refusal{border:3px solid #a80019;padding:8px 12px;border-radius:6px}
 .found{padding-left:20px}
 .foot{display:grid;gap:14px;grid-template-columns:1fr}
@@ -85,44 +97,56 @@ section{overflow-x:auto}
 }
 @page{size:A4 portrait;margin:9mm}
 @media print{
-body{font-size:7.4pt;line-height:1.2}
+body{font-size:7.6pt;line-height:1.2}
 main{max-width:none;padding:0}
-main>*{margin-bottom:1.6mm}
-.verdict{padding:1.6mm 3mm;gap:4mm;border-radius:1mm;break-inside:avoid}
+main>*{margin-bottom:1.8mm}
+.verdict{padding:1.4mm 3mm;gap:4mm;border-radius:1mm;break-inside:avoid}
 .verdict .icon{width:14mm;height:14mm}
 .verdict h1{font-size:25pt}
-.verdict p{font-size:9pt}
+.verdict h1 small{font-size:13pt}
+.verdict p{font-size:9.5pt}
 .verdict dl{font-size:8pt}
-.notice{font-size:7.6pt;padding:.7mm 2mm;gap:2mm;border-width:.5mm;border-left-width:2.5mm;
+.notice{font-size:7.6pt;padding:.5mm 2mm;gap:2mm;border-width:.5mm;border-left-width:2.5mm;
 break-inside:avoid}
 .notice .icon{width:4.6mm;height:4.6mm}
 .notice strong{font-size:8.6pt}
-h2{font-size:8.6pt;border-bottom-width:.35mm;margin-bottom:.4mm;break-after:avoid}
+.danger{border-width:1.2mm;border-left-width:2.5mm;font-size:8.6pt}
+.danger strong{font-size:12pt}
+h2{font-size:9pt;border-bottom-width:.35mm;margin-bottom:.4mm;break-after:avoid}
 h3{font-size:7.6pt;margin-top:1mm;break-after:avoid}
 small{font-size:6.4pt}
 .pictures{gap:1.5mm;break-inside:avoid}
-.pictures.p2{max-width:none}
+.pictures.p2{max-width:none;width:80%;margin-left:auto;margin-right:auto}
+.pictures.p1{width:60%;margin-left:auto;margin-right:auto}
 figcaption{font-size:6.8pt;padding:.3mm 1.2mm}
-.key{margin-left:1.6mm}
-.sign{width:4.4mm;height:2mm}
-th,td{padding:.22mm .8mm}
+.key{margin-left:1.2mm}
+figure svg.sign{width:4.4mm;height:2mm}
+th,td{padding:.3mm .8mm}
 thead th{font-size:6.4pt}
-.bolts{font-size:7pt}
-.bolts .note{font-size:6.6pt;padding-left:4mm}
+.bolts{font-size:7.4pt}
+.bolts .note{font-size:6.8pt;padding-left:4mm}
 .bolts tbody{break-inside:avoid}
 .advice td{font-size:8pt}
 .advice tr{break-inside:avoid}
+.advice .first th,.advice .first td{font-size:9.5pt;padding:.8mm}
 .refusal{padding:1.5mm 2.5mm}
 .found{padding-left:4mm}
 .foot{gap:1.6mm}
 .columns{gap:0 5mm}
 .scores{break-inside:avoid}
-.scores td,.scores th{padding:.1mm .8mm}
+.scores table{font-size:7pt}
+.scores td,.scores th{padding:.15mm .6mm}
 .bar{width:19mm;height:2.3mm;margin-top:.25mm}
 .mid{width:21mm}
 .fine,footer{font-size:6.2pt;margin-top:.3mm}
 .facts{break-inside:avoid}
-.facts dl>div{font-size:6.5pt;grid-template-columns:17mm 1fr}
-.many .pictures{width:86%;margin-left:auto;margin-right:auto}
+.facts dl>div{font-size:6.6pt;grid-template-columns:17mm 1fr}
+.dense .pictures.p3{width:84%;margin-left:auto;margin-right:auto}
+.dense .bolts{font-size:7pt}
+.dense .bolts th,.dense .bolts td{padding:.1mm .8mm}
+.dense>*{margin-bottom:1.1mm}
+.dense .notice{padding:.2mm 2mm}
+.dense .scores table{font-size:6.6pt}
+.dense .scores td,.dense .scores th{padding:0 .6mm}
 }
 """)

@@ -15,7 +15,9 @@ from boltpose.schema import Check, LocateResult, Visibility
 
 def banner(result: LocateResult, scan_source: str) -> Html:
     """The verdict in one word, what it covers, and which scan and motor it is about."""
-    word = "OK" if result.is_ok else "REFUSED"
+    word = join(["OK"]) if result.is_ok else join(["REFUSED"])
+    if result.is_ok and result.frame != "base":
+        word = join([word, tag("small", f" in the {result.frame}'s frame only")])
     facts = [("Motor", result.prior_name), ("Scan", PurePath(scan_source).name or scan_source)]
     if result.registration is not None:
         facts.append(("Pose is right", percent(result.verdict.p_correct)))
@@ -45,6 +47,7 @@ def notices(result: LocateResult) -> list[Html]:
                 "DO NOT USE THIS RESULT.",
                 f"It says OK, but these scores miss their thresholds: {names}. The file was"
                 " changed, or two versions do not agree. Locate again.",
+                is_danger=True,
             )
         )
     if result.frame != "base":
@@ -52,7 +55,9 @@ def notices(result: LocateResult) -> list[Html]:
             _notice(
                 "NOT ROBOT COORDINATES.",
                 f"All positions are in the frame of the {result.frame}. Never send them to a robot."
-                " Locate again with the hand-eye file: --hand-eye FILE.",
+                " Locate again with the hand-eye file: ",
+                tag("code", "--hand-eye FILE"),
+                is_danger=True,
             )
         )
     forbidden = contradicted(result.bolts)
@@ -72,8 +77,8 @@ def notices(result: LocateResult) -> list[Html]:
         found.append(
             _notice(
                 f"LOOK ONCE AT {names}.",
-                "The prior is not sure of it. A person checks it with"
-                " `boltpose prior review`, once per type of motor.",
+                "The prior is not sure of it. A person checks it once per type of motor: ",
+                tag("code", "boltpose prior review"),
             )
         )
     if result.extra_heads:
@@ -103,12 +108,17 @@ def refusal_section(result: LocateResult) -> Html | None:
             "tr",
             tag("th", ADVICE[check].meaning, tag("code", str(check)), scope="row"),
             tag("td", ADVICE[check].todo),
+            class_="first" if row == 0 else None,
         )
-        for check in failed
+        for row, check in enumerate(failed)
     ]
     return tag(
         "section",
-        tag("h2", "Why, and what to do", tag("small", " the most telling reason first")),
+        tag(
+            "h2",
+            "Why, and what to do",
+            tag("small", " start with the first"),
+        ),
         tag(
             "table",
             tag(
@@ -119,7 +129,11 @@ def refusal_section(result: LocateResult) -> Html | None:
             class_="advice",
         ),
         tag("h3", "What was measured"),
-        tag("ul", *(tag("li", f"{reason}.") for reason in result.verdict.reasons), class_="found"),
+        tag(
+            "ul",
+            *(tag("li", f"{reason.rstrip('.')}.") for reason in result.verdict.reasons),
+            class_="found",
+        ),
         class_="refusal",
     )
 
@@ -149,11 +163,11 @@ def _full_name(bolt_id: str, name: str) -> str:
     return f"{clip(bolt_id, 12)} ({clip(name, 36)})" if name and name != bolt_id else bolt_id
 
 
-def _notice(lead: str, text: str) -> Html:
+def _notice(lead: str, *text: object, is_danger: bool = False) -> Html:
     return tag(
         "p",
         warning_icon(),
-        tag("span", tag("strong", lead), f" {text}"),
-        class_="notice",
+        tag("span", tag("strong", lead), " ", *text),
+        class_="notice danger" if is_danger else "notice",
         role="note",
     )
