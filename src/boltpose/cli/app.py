@@ -22,7 +22,6 @@ from boltpose.cli import (
     prior_review,
     prior_show,
     report,
-    report,
     reproduce,
     synth,
     synth_model,
@@ -58,7 +57,6 @@ app.command("evaluate")(evaluate.evaluate)
 app.command("export")(export.export_network)
 app.command("export-poses")(export_poses.export_poses)
 app.command("label")(label.label_scan)
-app.command("report")(report.write_report_of)
 app.command("report")(report.write_report_of)
 app.command("reproduce")(reproduce.reproduce)
 train_app.command("parts")(train.train_parts)
