@@ -13,6 +13,7 @@ import numpy as np
 
 from boltpose.arrays import FloatArray
 from boltpose.errors import BoltposeError
+from boltpose.report.markup import Html
 from boltpose.viewer.config import ViewerConfig
 from boltpose.viewer.pick import PickLayer, pick_point
 from boltpose.viewer.web import LOOPBACK, start_server, viser
@@ -35,6 +36,27 @@ class SurfaceClick:
     """Shape (3,), frame of the page: the point of the cloud under the mouse."""
     row: int
     """Its row in the layer's points."""
+
+
+class HtmlPane:
+    """A piece of the panel that shows HTML."""
+
+    def __init__(self, gui: viser.GuiApi) -> None:
+        """An empty one, where the panel is being built."""
+        self._handle = gui.add_html("")
+
+    def show(self, content: Html | None) -> None:
+        """Show what `report.markup` has made instead of what is there; None shows nothing."""
+        self.content = "" if content is None else content
+
+    @property
+    def content(self) -> str:
+        """The HTML that is shown; who sets it has escaped whatever comes from a file."""
+        return self._handle.content
+
+    @content.setter
+    def content(self, text: str) -> None:
+        self._handle.content = str(text)  # viser sends no subclass of str
 
 
 class Page:
@@ -64,7 +86,7 @@ class Page:
         self._node_click: tuple[int, tuple[float, float]] | None = None
         self._at_stop: list[Callable[[], None]] = []
         self._set_up()
-        self.headline = self.server.gui.add_html("")
+        self.headline = self.add_html()
         self._tabs = self.server.gui.add_tab_group()
         self._thread = threading.Thread(target=self._work_off, name="page", daemon=True)
         self._thread.start()
@@ -95,6 +117,10 @@ class Page:
     def tab(self, label: str, icon: viser.IconName | None = None) -> viser.GuiTabHandle:
         """Add a tab to the panel; `with page.tab("Review"):` puts what is added inside."""
         return self._tabs.add_tab(label, icon)
+
+    def add_html(self) -> HtmlPane:
+        """Add an empty piece of HTML to the tab that is open."""
+        return HtmlPane(self.server.gui)
 
     def do(self, work: Callable[..., None], *arguments: Any) -> None:
         """Run something on the page's own thread, after all that was asked for before.
