@@ -94,7 +94,10 @@ def _registers(config: RobotConfig, count: int) -> str:
             f"fanuc_first_register {first} with {count} bolts needs PR[{last}], "
             f"there are {_LAST_REGISTER} at most"
         )
-    return f"Run it to fill PR[{first}] to PR[{last}]: approach, contact, retreat of every bolt.{counted}"
+    return (
+        f"Run it to fill PR[{first}] to PR[{last}]: approach, contact, retreat of every bolt."
+        f"{counted}"
+    )
 
 
 def _position(number: int, comment: str, pose: Transform, config: RobotConfig) -> list[str]:

@@ -217,7 +217,10 @@ def _warnings(bolt: LocatedBolt) -> tuple[str, ...]:
         why = bolt.state_reason or "something else is there"
         texts.append(f"CONTRADICTED by the camera ({why}): no tool must go there")
     if bolt.visibility is Visibility.HIDDEN:
-        texts.append("hidden: the camera did not see it, its pose comes from the prior alone")
+        texts.append(
+            "hidden: the camera did not see it, its pose comes from the prior alone; "
+            "the clamp may be in the way"
+        )
     if not bolt.is_sure:
         texts.append("unsure in the prior: no person has confirmed it")
     return tuple(texts)

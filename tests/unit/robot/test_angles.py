@@ -81,6 +81,19 @@ def test_close_to_gimbal_lock_the_pose_stays_exact(size: float) -> None:
             check_all(close, 3e-7)
 
 
+@pytest.mark.parametrize("rotation", [one for one in CUBE if abs(one[2, 0]) == 1])
+def test_in_gimbal_lock_noise_does_not_choose_the_angles(rotation) -> None:
+    rng = np.random.default_rng(3)
+    exact = zyx_angles_deg(rotation)
+    assert exact[0] == 0.0
+    for _ in range(20):
+        close = Rotation.from_rotvec(1e-9 * rng.normal(size=3)).as_matrix() @ rotation
+        a, b, c = zyx_angles_deg(close)
+        assert a == 0.0
+        assert b == pytest.approx(exact[1], abs=1e-5)
+        assert math.remainder(c - exact[2], 360.0) == pytest.approx(0.0, abs=1e-5)
+
+
 @given(angles, angles, units, units)
 def test_any_rotation(first: float, second: float, x: float, y: float) -> None:
     axis = np.array([x, y, 1.0])
