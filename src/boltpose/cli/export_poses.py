@@ -23,6 +23,11 @@ if TYPE_CHECKING:
     from boltpose.robot import RobotConfig, ToolPlan
 
 
+_POSES = "The poses"
+_BOLTS = "Which bolts, in which order"
+_ONE_FORMAT = "One format only"
+
+
 class Target(StrEnum):
     """Formats by the names users know them by (a test compares them with `RobotFormat`)."""
 
@@ -45,10 +50,16 @@ def export_poses(
         typer.Option("--output", "-o", metavar="FILE", help="Programs are called like their file."),
     ],
     approach: Annotated[
-        float | None, typer.Option("--approach", metavar="MM", help="Out from contact; 50.")
+        float | None,
+        typer.Option(
+            "--approach", metavar="MM", help="Out from contact; 50.", rich_help_panel=_POSES
+        ),
     ] = None,
     retreat: Annotated[
-        float | None, typer.Option("--retreat", metavar="MM", help="Out from contact; 50.")
+        float | None,
+        typer.Option(
+            "--retreat", metavar="MM", help="Out from contact; 50.", rich_help_panel=_POSES
+        ),
     ] = None,
     contact_offset: Annotated[
         float | None,
@@ -56,6 +67,7 @@ def export_poses(
             "--contact-offset",
             metavar="MM",
             help="Contact above (+) or below (-) the top of the head; 0.",
+            rich_help_panel=_POSES,
         ),
     ] = None,
     tool_x: Annotated[
@@ -64,6 +76,7 @@ def export_poses(
             "--tool-x",
             metavar="DIR",
             help="Where tool x points in the base: +x -x +y -y +z -z outward inward or 1,1,0; +x.",
+            rich_help_panel=_POSES,
         ),
     ] = None,
     tcp: Annotated[
@@ -72,77 +85,117 @@ def export_poses(
             "--tcp",
             metavar="FILE",
             help="flange_from_tool, 4x4: write poses of the flange, not of the tool's tip.",
+            rich_help_panel=_POSES,
         ),
     ] = None,
     tcp_unit: Annotated[
-        LengthUnit, typer.Option("--tcp-unit", help="Unit of the TCP.")
+        LengthUnit, typer.Option("--tcp-unit", help="Unit of the TCP.", rich_help_panel=_POSES)
     ] = LengthUnit.MM,
     order: Annotated[
         str | None,
         typer.Option(
             "--order",
-            metavar="nearest|confidence",
-            help="Of bolts without a turn in the prior; nearest.",
+            metavar="RULE",
+            help="Of bolts without a turn in the prior: nearest or confidence; nearest.",
+            rich_help_panel=_BOLTS,
         ),
     ] = None,
     include_hidden: Annotated[
         bool | None,
-        typer.Option("--include-hidden/--no-hidden", help="Bolts the camera did not see."),
+        typer.Option(
+            "--include-hidden", help="Bolts the camera did not see.", rich_help_panel=_BOLTS
+        ),
     ] = None,
     include_unsure: Annotated[
         bool | None,
-        typer.Option("--include-unsure/--no-unsure", help="Bolts no person has confirmed."),
+        typer.Option(
+            "--include-unsure", help="Bolts no person has confirmed.", rich_help_panel=_BOLTS
+        ),
     ] = None,
     include_contradicted: Annotated[
         bool | None,
         typer.Option(
-            "--include-contradicted/--no-contradicted",
+            "--include-contradicted",
             help="Where something else than the bolt was seen. Never with a tool!",
+            rich_help_panel=_BOLTS,
         ),
     ] = None,
     min_confidence: Annotated[
-        float | None, typer.Option("--min-confidence", metavar="P", help="0 to 1; 0.")
+        float | None,
+        typer.Option("--min-confidence", metavar="P", help="0 to 1; 0.", rich_help_panel=_BOLTS),
     ] = None,
     min_tool_fits: Annotated[
         float | None,
-        typer.Option("--min-tool-fits", metavar="P", help="Smallest p_tool_fits, 0 to 1."),
+        typer.Option(
+            "--min-tool-fits",
+            metavar="P",
+            help="Smallest p_tool_fits, 0 to 1.",
+            rich_help_panel=_BOLTS,
+        ),
     ] = None,
     max_sigma: Annotated[
         float | None,
-        typer.Option("--max-sigma", metavar="MM", help="Largest sigma beside or along the axis."),
+        typer.Option(
+            "--max-sigma",
+            metavar="MM",
+            help="Largest sigma beside or along the axis.",
+            rich_help_panel=_BOLTS,
+        ),
     ] = None,
     max_sigma_axis: Annotated[
         float | None,
-        typer.Option("--max-sigma-axis", metavar="DEG", help="Largest sigma of the direction."),
+        typer.Option(
+            "--max-sigma-axis",
+            metavar="DEG",
+            help="Largest sigma of the direction.",
+            rich_help_panel=_BOLTS,
+        ),
     ] = None,
     max_age: Annotated[
         float | None,
         typer.Option(
-            "--max-age", metavar="SECONDS", help="Refuse a POSES file that is older than this."
+            "--max-age",
+            metavar="SECONDS",
+            help="Refuse a POSES file that is older than this.",
+            rich_help_panel=_BOLTS,
         ),
     ] = None,
     first_register: Annotated[
         int | None,
         typer.Option(
-            "--first-register", metavar="N", help="fanuc: fill PR[N] and on, three per bolt."
+            "--first-register",
+            metavar="N",
+            help="fanuc: fill PR[N] and on, three per bolt.",
+            rich_help_panel=_ONE_FORMAT,
         ),
     ] = None,
     count_register: Annotated[
         int | None,
         typer.Option(
-            "--count-register", metavar="N", help="fanuc: put the number of bolts in R[N]."
+            "--count-register",
+            metavar="N",
+            help="fanuc: put the number of bolts in R[N].",
+            rich_help_panel=_ONE_FORMAT,
         ),
     ] = None,
     stamp: Annotated[
         int,
         typer.Option(
-            "--stamp", metavar="NS", help="ros2-mcap: time of the scan, nanoseconds since 1970."
+            "--stamp",
+            metavar="NS",
+            help="ros2-mcap: time of the scan, nanoseconds since 1970.",
+            rich_help_panel=_ONE_FORMAT,
         ),
     ] = 0,
-    scene: Annotated[int | None, typer.Option("--scene", help="bop-csv: scene_id.")] = None,
-    image: Annotated[int | None, typer.Option("--image", help="bop-csv: im_id.")] = None,
+    scene: Annotated[
+        int | None, typer.Option("--scene", help="bop-csv: scene_id.", rich_help_panel=_ONE_FORMAT)
+    ] = None,
+    image: Annotated[
+        int | None, typer.Option("--image", help="bop-csv: im_id.", rich_help_panel=_ONE_FORMAT)
+    ] = None,
     object_id: Annotated[
-        int | None, typer.Option("--object", help="bop-csv: obj_id of the motor.")
+        int | None,
+        typer.Option("--object", help="bop-csv: obj_id of the motor.", rich_help_panel=_ONE_FORMAT),
     ] = None,
     model_pose: Annotated[
         Path | None,
@@ -150,6 +203,7 @@ def export_poses(
             "--model-pose",
             metavar="FILE",
             help="bop-csv: prior_from_motor, 4x4 mm, if BOP's model is not in the scan's frame.",
+            rich_help_panel=_ONE_FORMAT,
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -157,7 +211,9 @@ def export_poses(
     """Write tool poses with approach, contact and retreat for a robot's controller.
 
     A refused result, and one that leaves no bolt, gives no file and exit code 3; an older file
-    of that name is removed.
+    of that name is removed. What each file holds: docs/robot-formats.md.
+
+    Example: boltpose export-poses poses.json --to kuka -o bolts.dat --approach 80
     """
     check_output(output, _suffixes(to), inputs=(poses, tcp, model_pose))
     remove_stale(output)
