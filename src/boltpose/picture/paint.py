@@ -75,6 +75,8 @@ def paint_finely(
         width=view.width * factor,
         height=view.height * factor,
     )
+    if not len(points):
+        return np.ones((fine.height, fine.width, 3), dtype=np.float32)
     step = max(1, len(points) // _MAX_POINTS)
     shown, tints = points[::step], colors[::step]
     spacing_mm = _spacing_mm(shown)

@@ -14,7 +14,7 @@ SEEN_WORDS = {
     Visibility.PARTIAL: "partly seen",
     Visibility.HIDDEN: "hidden",
 }
-_STATE_WORDS = {BoltState.CONFIRMED: "confirmed", BoltState.UNSEEN: "not checked"}
+_STATE_WORDS = {BoltState.CONFIRMED: "confirmed", BoltState.UNSEEN: "unseen"}
 _NAME_LENGTH, _TOOL_LENGTH = 30, 14
 """Longer ones are cut in the table; pointing at the cell shows all of it."""
 

@@ -86,6 +86,8 @@ def number(value: float, digits: int) -> str:
 
 def percent(share: float) -> str:
     """Write a share in percent, rounded down: 100 % is said of nothing less."""
+    if not math.isfinite(share):
+        return "not finite"
     return f"{math.floor(100 * share + 1e-9)}\N{NO-BREAK SPACE}%"
 
 

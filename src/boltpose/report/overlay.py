@@ -39,6 +39,19 @@ def bolt_marks(view: View, marks: Sequence[BoltMark]) -> Html:
     return join([*drawn, *names])
 
 
+def extra_marks(view: View, places: FloatArray) -> Html:
+    """A dashed square with a question mark at what may be a bolt; `places` as `View.project`."""
+    parts: list[Html] = []
+    for x, y, _ in places:
+        square = {"x": _px(x - 9), "y": _px(y - 9), "width": 18, "height": 18}
+        parts += [
+            tag("rect", **square, **_line("#fff", 5)),
+            tag("rect", stroke_dasharray="3 2", **square, **_line("#111", 2)),
+            label("?", x, y + 5, anchor="middle"),
+        ]
+    return join(parts)
+
+
 def scale_bar(view: View) -> Html:
     """A bar of a round length, true at the subject's distance."""
     length_mm = scale_bar_mm(view)

@@ -23,7 +23,7 @@ from boltpose.picture.bolt_marks import (
 from boltpose.picture.paint import MOTOR, PAPER, PRIOR, SURROUNDINGS, paint_finely
 from boltpose.picture.view import View, frame_subject, look_along
 from boltpose.report.markup import Html, data_uri, join, tag
-from boltpose.report.overlay import bolt_marks, ribbon, scale_bar, triad, view_axes
+from boltpose.report.overlay import bolt_marks, extra_marks, ribbon, scale_bar, triad, view_axes
 from boltpose.report.residual_map import KEY_PX, draw_residuals
 from boltpose.report.residuals import Residuals, measure_residuals
 from boltpose.schema import LocateResult, Part, Prior, Scan, Visibility
@@ -36,6 +36,7 @@ _MOST_POINTS = 600_000
 _HEIGHT = 400
 _WIDTH_MAIN, _WIDTH_SIDE = 480, 380
 _AWAY_MM = 2000.0
+_DASHED = {"stroke": "#111", "stroke_width": 1.6, "stroke_dasharray": "3 1.5"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -105,6 +106,9 @@ def _draw_camera(scene: _Scene) -> Html:
         scale_bar(view),
         triad(view, frame, f"axes of {scene.result.frame}"),
     ]
+    if scene.result.extra_heads:
+        heads = np.array([head.head_top_mm for head in scene.result.extra_heads])
+        over.append(extra_marks(view, view.project(camera_from_result(scene.result).apply(heads))))
     if not scene.result.is_ok:
         over.append(ribbon(view, "REFUSED: no pose is given"))
     counts = [
@@ -115,7 +119,7 @@ def _draw_camera(scene: _Scene) -> Html:
     alt = "The scan as the camera saw it" + (f"; bolts: {', '.join(counts)}." if counts else ".")
     return _figure(
         _canvas(view, _paint(view, scene.points, tints), join(over), alt),
-        join(["What the camera saw", _key(scene.marks)]),
+        join(["What the camera saw", _key(scene.marks, has_extra=bool(scene.result.extra_heads))]),
     )
 
 
@@ -238,16 +242,24 @@ def _figure(canvas: Html, caption: Html) -> Html:
     return tag("figure", canvas, tag("figcaption", caption))
 
 
-def _key(marks: Sequence[BoltMark]) -> Html | None:
+def _key(marks: Sequence[BoltMark], *, has_extra: bool) -> Html | None:
     """The marks in use, each with a small drawing of it."""
     inks = [ink for ink in Ink if any(mark.ink is ink for mark in marks)]
-    if not inks:
-        return None
     entries = [
         tag("span", _key_sign(ink), f" {ink.label.split(':', maxsplit=1)[0]}", class_="key")
         for ink in inks
     ]
-    return join(entries)
+    if has_extra:
+        sign = tag("rect", x=7, y=1, width=10, height=10, fill="none", **_DASHED)
+        entries.append(
+            tag(
+                "span",
+                tag("svg", sign, viewBox="0 0 26 12", class_="sign", aria_hidden="true"),
+                " perhaps a bolt",
+                class_="key",
+            )
+        )
+    return join(entries) if entries else None
 
 
 def _key_sign(ink: Ink) -> Html:

@@ -63,6 +63,7 @@ tbody th{font-weight:normal}
 .n{text-align:right;white-space:nowrap}
 thead .n{white-space:normal}
 .bolts td,.bolts th{line-height:1.25}
+.bolts tbody th{min-width:150px}
 .bolts tbody{border-bottom:1px solid #ccc}
 .bolts .word,.bolts thead th{white-space:nowrap}
 .bolts .note{padding-top:0;padding-left:22px;font-size:13px}
@@ -123,7 +124,10 @@ figcaption{font-size:6.8pt;padding:.3mm 1.2mm}
 figure svg.sign{width:4.4mm;height:2mm}
 th,td{padding:.3mm .8mm}
 thead th{font-size:6.4pt}
-.bolts{font-size:7.4pt}
+.bolts{font-size:7.2pt}
+.bolts td,.bolts th{padding:.3mm .55mm}
+.bolts tbody th{min-width:31mm}
+.forbidden s,.forbidden b{text-decoration-thickness:.25mm}
 .bolts .note{font-size:6.8pt;padding-left:4mm}
 .bolts tbody{break-inside:avoid}
 .advice td{font-size:8pt}
@@ -141,9 +145,10 @@ thead th{font-size:6.4pt}
 .fine,footer{font-size:6.2pt;margin-top:.3mm}
 .facts{break-inside:avoid}
 .facts dl>div{font-size:6.6pt;grid-template-columns:17mm 1fr}
-.dense .pictures.p3{width:84%;margin-left:auto;margin-right:auto}
-.dense .bolts{font-size:7pt}
-.dense .bolts th,.dense .bolts td{padding:.1mm .8mm}
+.dense .pictures.p3{width:92%;margin-left:auto;margin-right:auto}
+.dense .bolts{font-size:6.9pt;line-height:1.1}
+.dense .bolts td,.dense .bolts th{line-height:1.12}
+.dense .bolts th,.dense .bolts td{padding:.1mm .5mm}
 .dense>*{margin-bottom:1.1mm}
 .dense .notice{padding:.2mm 2mm}
 .dense .scores table{font-size:6.6pt}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 from boltpose.report.advice import ADVICE
@@ -10,7 +10,7 @@ from boltpose.report.bolts import SEEN_WORDS, contradicted
 from boltpose.report.icons import verdict_icon, warning_icon
 from boltpose.report.markup import Html, clip, join, number, percent, tag
 from boltpose.report.scores import missed_although_ok
-from boltpose.schema import Check, LocateResult, Visibility
+from boltpose.schema import Check, LocatedBolt, LocateResult, Visibility
 
 
 def banner(result: LocateResult, scan_source: str) -> Html:
@@ -18,7 +18,13 @@ def banner(result: LocateResult, scan_source: str) -> Html:
     word = join(["OK"]) if result.is_ok else join(["REFUSED"])
     if result.is_ok and result.frame != "base":
         word = join([word, tag("small", f" in the {result.frame}'s frame only")])
-    facts = [("Motor", result.prior_name), ("Scan", PurePath(scan_source).name or scan_source)]
+    views = result.provenance.get("views")
+    count = len(views) if isinstance(views, list | tuple) else 1
+    shown = PurePath(scan_source).name or scan_source
+    facts = [
+        ("Motor", result.prior_name),
+        ("Scan", shown if count <= 1 else f"{shown}, one of {count} views"),
+    ]
     if result.registration is not None:
         facts.append(("Pose is right", percent(result.verdict.p_correct)))
     return tag(
@@ -62,7 +68,7 @@ def notices(result: LocateResult) -> list[Html]:
         )
     forbidden = contradicted(result.bolts)
     if forbidden:
-        names = ", ".join(_full_name(bolt.id, bolt.name) for bolt in forbidden)
+        names = _names(forbidden)
         found.append(
             _notice(
                 f"DO NOT TOUCH {names}.",
@@ -73,11 +79,11 @@ def notices(result: LocateResult) -> list[Html]:
         )
     unsure = [bolt for bolt in result.bolts if not bolt.is_sure]
     if unsure:
-        names = ", ".join(_full_name(bolt.id, bolt.name) for bolt in unsure)
+        names = _names(unsure)
         found.append(
             _notice(
                 f"LOOK ONCE AT {names}.",
-                "The prior is not sure of it. A person checks it once per type of motor: ",
+                "The prior is not sure here. A person checks it once per type of motor: ",
                 tag("code", "boltpose prior review"),
             )
         )
@@ -159,8 +165,11 @@ def _listed(parts: Iterable[str]) -> str:
     return ", ".join(parts)
 
 
-def _full_name(bolt_id: str, name: str) -> str:
-    return f"{clip(bolt_id, 12)} ({clip(name, 36)})" if name and name != bolt_id else bolt_id
+def _names(bolts: Sequence[LocatedBolt]) -> str:
+    """Ids, as in the table and the pictures; one alone with its name."""
+    if len(bolts) == 1 and bolts[0].name not in ("", bolts[0].id):
+        return f"{clip(bolts[0].id, 12)} ({clip(bolts[0].name, 36)})"
+    return ", ".join(clip(bolt.id, 12) for bolt in bolts)
 
 
 def _notice(lead: str, *text: object, is_danger: bool = False) -> Html:
