@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import tempfile
 import threading
 from collections.abc import Callable
@@ -60,15 +61,14 @@ class LivePage:
         self._skipped = 0
         self._is_stopped = False
         self._uploads = tempfile.TemporaryDirectory(prefix="boltpose-view-")
-        gui = self._page.server.gui
-        with self._page.tab("Scan"):
-            suffixes = " ".join(SCAN_SUFFIXES)
-            self._upload = gui.add_upload_button(
-                "Drop a scan here, or click",
-                hint=f"One of {suffixes}",
-                mime_type=",".join(SCAN_SUFFIXES),
-            )
-            self._about = gui.add_markdown(_about(watch))
+        # above the tabs, so that it is there whatever is looked at
+        self._upload = self._page.server.gui.add_upload_button(
+            "Drop a scan here, or click",
+            hint=_about(watch),
+            mime_type=",".join(SCAN_SUFFIXES),
+            icon=viser.Icon.UPLOAD,
+            order=50,
+        )
         self._upload.on_upload(self._uploaded)
         text = _READY if watch is None else f"Waiting for a scan in {watch}."
         results.wait(Sign(kind="wait", word="Ready", text=text))
@@ -97,21 +97,16 @@ class LivePage:
 
     def _uploaded(self, event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value
-        # only the last part of a name, and only under a name of our own
         name = PurePath(file.name.replace("\\", "/")).name or "scan"
         with self._change:
             folder = Path(self._uploads.name) / f"{self._number + 1}"
         folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"scan{PurePath(name).suffix.lower()[:8]}"
+        path = folder / safe_name(name)
         path.write_bytes(file.content)
         self.submit(path, name, is_upload=True)
 
     def _folder_lost(self, text: str) -> None:
-        self._results.page.do(
-            self._results.wait,
-            Sign(kind="refused", word="No scans", text="The folder of scans cannot be read."),
-            ("folder", text),
-        )
+        self._page.do(self._results.wait, _no_result("The folder of scans cannot be read.", text))
 
     def _run(self) -> None:
         while True:
@@ -145,10 +140,7 @@ class LivePage:
                 self._results.show(shown, scan_name=job.name)
 
     def _fail(self, job: _Job, text: str) -> None:
-        sign = Sign(
-            kind="refused", word="NO RESULT", text="This scan could not be used.", scan=job.name
-        )
-        self._results.wait(sign, (job.name, text))
+        self._results.wait(_no_result("This scan could not be used.", text, job.name))
 
     def _stop(self) -> None:
         if self._watch is not None:
@@ -204,8 +196,20 @@ class SavedPage:
                 raise FileNotFoundError(f"{self._path}: the file is gone; locate again")
             self._results.show(self._open(self._path))
         except (BoltposeError, OSError) as error:
-            sign = Sign(kind="refused", word="NO RESULT", text=f"{name} does not hold any more.")
-            self._results.wait(sign, (name, str(error)))
+            self._results.wait(_no_result(f"{name} does not hold any more.", str(error)))
+
+
+def safe_name(name: str) -> str:
+    """The name a file that was uploaded gets here: no folder, nothing a path could mean.
+
+    A depth image is found in its camera file by its name, so the name is kept where it can be.
+    """
+    kept = re.sub(r"[^A-Za-z0-9._-]", "_", PurePath(name).name)[-100:].lstrip(".")
+    return kept or "scan"
+
+
+def _no_result(text: str, reason: str, scan: str = "") -> Sign:
+    return Sign(kind="refused", word="NO RESULT", text=text, scan=scan, points=(reason,))
 
 
 def _discard(job: _Job) -> None:
@@ -214,7 +218,5 @@ def _discard(job: _Job) -> None:
 
 
 def _about(watch: Path | None) -> str:
-    lines = [f"Scans: {', '.join(SCAN_SUFFIXES)}. The newest scan counts; all results before go."]
-    if watch is not None:
-        lines.append(f"Watched: `{watch}`. Write a scan there, and it is located.")
-    return "\n\n".join(lines)
+    text = f"One of {', '.join(SCAN_SUFFIXES)}. The newest scan counts; the result before goes."
+    return text if watch is None else f"{text} Scans written to {watch} are located too."

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from boltpose.arrays import FloatArray
+from boltpose.arrays import FloatArray, UInt8Array
 from boltpose.errors import BoltposeError
 from boltpose.report.markup import Html
 from boltpose.viewer.config import ViewerConfig
@@ -38,12 +38,20 @@ class SurfaceClick:
     """Its row in the layer's points."""
 
 
+def _backdrop() -> UInt8Array:
+    """Light above, darker below; shape (256, 2, 3)."""
+    top, bottom = np.array([250, 251, 253]), np.array([205, 214, 224])
+    share = np.linspace(0, 1, 256)[:, None, None] ** 1.5
+    image = (1 - share) * top + share * bottom
+    return np.tile(np.round(image).astype(np.uint8), (1, 2, 1))
+
+
 class HtmlPane:
     """A piece of the panel that shows HTML."""
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    def __init__(self, gui: viser.GuiApi, order: float | None) -> None:
         """An empty one, where the panel is being built."""
-        self._handle = gui.add_html("")
+        self._handle = gui.add_html("", order=order)
 
     def show(self, content: Html | None) -> None:
         """Show what `report.markup` has made instead of what is there; None shows nothing."""
@@ -86,8 +94,8 @@ class Page:
         self._node_click: tuple[int, tuple[float, float]] | None = None
         self._at_stop: list[Callable[[], None]] = []
         self._set_up()
-        self.headline = self.add_html()
-        self._tabs = self.server.gui.add_tab_group()
+        self.headline = self.add_html(order=0)
+        self._tabs = self.server.gui.add_tab_group(order=100)
         self._thread = threading.Thread(target=self._work_off, name="page", daemon=True)
         self._thread.start()
 
@@ -100,7 +108,14 @@ class Page:
             brand_color=(34, 80, 140),
         )
         server.gui.main_panel.dock_right()
-        server.scene.configure_default_lights(enabled=True, cast_shadow=False)
+        # viser's own lights wash colours out, and colours mean something here
+        server.scene.configure_default_lights(enabled=False)
+        server.scene.add_light_ambient("/light/sky", intensity=1.6)
+        for name, place in (("key", (0.6, -0.5, 1.0)), ("fill", (-0.7, 0.6, -0.4))):
+            server.scene.add_light_directional(
+                f"/light/{name}", intensity=1.3, position=place, cast_shadow=False
+            )
+        server.scene.set_background_image(_backdrop(), format="png")
         server.scene.world_axes.visible = False
         server.initial_camera.near = 1.0
         server.initial_camera.far = 50_000.0
@@ -118,9 +133,13 @@ class Page:
         """Add a tab to the panel; `with page.tab("Review"):` puts what is added inside."""
         return self._tabs.add_tab(label, icon)
 
-    def add_html(self) -> HtmlPane:
-        """Add an empty piece of HTML to the tab that is open."""
-        return HtmlPane(self.server.gui)
+    def add_html(self, order: float | None = None) -> HtmlPane:
+        """Add an empty piece of HTML to the tab that is open.
+
+        Args:
+            order: Place in it. Outside of all tabs the headline has 0 and the tabs have 100.
+        """
+        return HtmlPane(self.server.gui, order)
 
     def do(self, work: Callable[..., None], *arguments: Any) -> None:
         """Run something on the page's own thread, after all that was asked for before.

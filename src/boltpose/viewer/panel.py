@@ -61,7 +61,7 @@ def sign_of(result: LocateResult, scan_source: str) -> Sign:
 
 def headline(sign: Sign) -> Html:
     """The sign on top of the panel, and the same hung over the picture."""
-    about = [f"scan {clip(sign.scan, 60)}"] if sign.scan else []
+    about = tag("span", f"scan {clip(sign.scan, 60)}", class_="of") if sign.scan else None
     lines = tag("ul", *(tag("li", text) for text in sign.points)) if sign.points else None
     return join(
         [
@@ -71,7 +71,10 @@ def headline(sign: Sign) -> Html:
                 tag("b", sign.word),
                 tag("span", sign.text),
                 lines,
+                about,
                 class_=f"bpsign {sign.kind}",
+                # read aloud once, from the panel
+                aria_hidden="true",
             ),
             tag(
                 "div",
@@ -79,7 +82,8 @@ def headline(sign: Sign) -> Html:
                     "div",
                     tag("b", sign.word),
                     tag("span", sign.text),
-                    tag("span", *about, class_="of") if about else None,
+                    lines,
+                    about,
                     class_=f"verdict {sign.kind}",
                     role="status",
                 ),
@@ -122,11 +126,6 @@ def color_legend(entries: Sequence[tuple[str, str]], title: str) -> Html | None:
             for color, text in entries
         ),
     )
-
-
-def error_box(name: str, text: str) -> Html:
-    """One line on what could not be done, and about which file."""
-    return box(tag("p", tag("b", f"{clip(name, 60)}: "), text, class_="error", role="alert"))
 
 
 def _reasons(result: LocateResult) -> list[Html]:

@@ -21,6 +21,7 @@ padding:2px 12px 8px;color:#111;overflow-wrap:anywhere}
 .bp .verdict.ok{background:#14692f}.bp .verdict.refused{background:#a80019}
 .bp .verdict.busy{background:#22508c}.bp .verdict.wait{background:#5b6470}
 .bp .verdict span{display:block;font-size:14px}
+.bp .verdict ul{margin:5px 0 0;padding-left:18px}
 .bp .verdict .of{opacity:.85;font-size:12.5px;margin-top:4px}
 .bp .reason{border-left:6px solid #a80019;background:#fdeaea;padding:5px 9px;margin:6px 0}
 .bp .reason b{font-size:15px;display:block}
@@ -44,12 +45,24 @@ background:#111}
 .bp .chip{display:inline-block;width:12px;height:12px;border-radius:3px;margin:0 6px -2px 0;
 border:1px solid #0003}
 .bp code{font-size:11.5px}
-.bpsign{position:fixed;top:14px;left:14px;z-index:50;pointer-events:none;color:#fff;
+.bpsign{position:fixed;bottom:14px;left:14px;z-index:50;pointer-events:none;color:#fff;
 border-radius:10px;padding:12px 22px;box-shadow:0 3px 14px #0004;max-width:46vw;
 font:16px/1.3 system-ui,"Segoe UI","Liberation Sans","DejaVu Sans",Arial,sans-serif}
 .bpsign b{display:block;font-size:44px;line-height:1.05;letter-spacing:.03em}
 .bpsign.ok{background:#14692fe8}.bpsign.refused{background:#a80019f0}
 .bpsign.busy{background:#22508cf0}.bpsign.wait{background:#5b6470e8}
+.bpsign .of{display:block}
 .bpsign ul{margin:6px 0 0;padding-left:20px}
+.bpsign .of{opacity:.85;font-size:13px;margin-top:4px}
+div:has(>input[type=file]){position:relative;height:84px;border:2px dashed #22508c;
+border-radius:10px;background:#eef4fb;display:flex;align-items:center;justify-content:center}
+div:has(>input[type=file]):hover{background:#d7e6f7}
+div>input[type=file]{display:block!important;position:absolute;inset:0;width:100%;height:100%;
+opacity:0;cursor:pointer;z-index:2}
+div>input[type=file]+button{width:auto;padding:0 18px}
 </style>""")
-"""Put once into the page, in front of anything of class `bp`."""
+"""Put once into the page, in front of anything of class `bp`.
+
+The last lines lay the browser's own, invisible field for files over the upload button: whatever is
+dropped on it is uploaded, without a script of ours in the page.
+"""

@@ -7,24 +7,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from boltpose.arrays import FloatArray, UInt8Array
+from boltpose.arrays import BoolArray, FloatArray, UInt8Array
 from boltpose.geometry.transforms import Transform
 from boltpose.picture import paint
 from boltpose.picture.bolt_marks import INK_OF, Ink
 from boltpose.schema import BoltState, LocatedBolt, LocateResult, Part, Prior, Scan
 from boltpose.viewer.bolts import BoltLayer, BoltMark3d
 from boltpose.viewer.page import Page
-from boltpose.viewer.panel import Sign, error_box, headline, sign_of, verdict_panel
+from boltpose.viewer.panel import Sign, headline, sign_of, verdict_panel
 from boltpose.viewer.panel_bolts import bolt_detail, bolt_table
 from boltpose.viewer.points import PointLayer, spacing_of
-from boltpose.viewer.scan_colors import ColorMode, ScanColors
+from boltpose.viewer.scan_colors import ColorMode, ScanColors, css
 from boltpose.viewer.scan_layer import ScanLayer
 from boltpose.viewer.setting import Setting, viewpoint
 from boltpose.viewer.shade import light, lit_colors
-from boltpose.viewer.switches import Switches
+from boltpose.viewer.switches import PriorPart, Switches
 
+_PRIOR = 0.5 * paint.PRIOR + 0.5
+"""Paler than in the picture: the gear has that blue here."""
 _REJECTED = np.array([0.80, 0.42, 0.45])
+_BESIDE_MM = 1.6
+"""A scan point so near to a prior's covers it: more than the spacing of either."""
+_ENOUGH = 200_000
 _NO_BOLT: str = "none"
 
 
@@ -78,17 +84,12 @@ class ResultPage:
         self._choice.on_update(lambda _: page.do(self._bolt_chosen))
         self.wait(Sign(kind="wait", word="No scan", text="Nothing is shown yet."))
 
-    def wait(self, sign: Sign, error: tuple[str, str] | None = None) -> None:
-        """Take away everything and say what is going on.
-
-        Args:
-            sign: What to say instead.
-            error: A file's name and what is wrong with it.
-        """
+    def wait(self, sign: Sign) -> None:
+        """Take away everything and say what is going on instead."""
         with self._lock:
-            self._wait(sign, error)
+            self._wait(sign)
 
-    def _wait(self, sign: Sign, error: tuple[str, str] | None) -> None:
+    def _wait(self, sign: Sign) -> None:
         self.shown, self._colors = None, None
         with self.page.server.atomic():
             self.bolts.clear()
@@ -96,7 +97,7 @@ class ResultPage:
             self.setting.clear()
             self._rejected.visible = False
             self.page.headline.show(headline(sign))
-            self._verdict.show(None if error is None else error_box(*error))
+            self._verdict.show(None)
             self._table.show(None)
             self._detail.show(None)
             self._choice.options = (_NO_BOLT,)
@@ -120,10 +121,10 @@ class ResultPage:
         colors = ScanColors(scan, result, shown.prior)
         # a file that calls itself refused and holds bolts all the same gets none of them shown
         bolts = result.bolts if result.is_ok else ()
-        self._colors = colors
+        self.shown, self._colors = shown, colors
         with self.page.server.atomic():
             self.bolts.show([_mark(bolt) for bolt in bolts])
-            self._show_prior(shown, page_from_camera)
+            self._show_prior(shown)
             self.setting.show(
                 scan,
                 page_from_camera,
@@ -135,7 +136,6 @@ class ResultPage:
             self._table.show(bolt_table(bolts))
             self._detail.show(bolt_detail(None, result.frame))
             self._choice.options = (_NO_BOLT, *(_choice_text(bolt) for bolt in bolts))
-        self.shown = shown
         mode = self.switches.offer(colors.modes(), [_ink(bolt) for bolt in bolts])
         self.scan.show(points, lambda rows: colors.of(mode, rows))
         self.look("motor")
@@ -151,8 +151,16 @@ class ResultPage:
         """True if the scan's own file says which part each point belongs to."""
         return self.shown is not None and self.shown.scan.labels is not None
 
+    def prior_legend(self) -> list[tuple[str, str]]:
+        """Colour and meaning of the registered prior; nothing if there is none."""
+        if self.shown is None or self.shown.result.registration is None:
+            return []
+        if self.shown.result.is_ok:
+            return [(css(_PRIOR), "registered prior: known, not measured")]
+        return [(css(_REJECTED), "rejected candidate: do not use")]
+
     def look(self, where: str) -> None:
-        """Put the viewer `motor`: before the motor, `behind` it, or where the `camera` stands."""
+        """Put the viewer before the `motor`, `behind` it, at the `camera`, or off to see `all`."""
         if self.shown is None:
             return
         result, prior = self.shown.result, self.shown.prior
@@ -165,28 +173,46 @@ class ResultPage:
         low, high = np.quantile(subject, (0.01, 0.99), axis=0)
         middle, radius = 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))
         camera = page_from_camera.translation_mm
+        if where == "all":
+            places = np.vstack([low, high, camera, np.zeros(3)])
+            middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+            radius = 0.33 * float(np.linalg.norm(np.ptp(places, axis=0)))
         if where == "camera":
             # the camera's own up: its picture is then seen as it was taken
             self.page.look_at(middle, camera, up=-page_from_camera.rotation[:, 1])
             return
-        turn = np.radians(25) if where == "motor" else np.radians(205)
+        turn = np.radians(205 if where == "behind" else 25)
         self.page.look_at(
             middle, viewpoint(middle, radius, up, camera - middle, float(turn)), up=up
         )
 
-    def _show_prior(self, shown: Shown, page_from_camera: Transform) -> None:
-        result, prior = shown.result, shown.prior
+    def show_prior(self) -> None:
+        """Show as much of the registered prior as is wanted."""
+        with self._lock:
+            if self.shown is not None:
+                self._show_prior(self.shown)
+
+    def _show_prior(self, shown: Shown) -> None:
+        result, prior, part = shown.result, shown.prior, self.switches.prior_part
+        self._rejected.visible = False
         if result.registration is None or prior is None or len(prior.points) == 0:
             self.prior.clear()
-            self._rejected.visible = False
             return
-        page_from_prior = page_from_camera @ result.registration.camera_from_prior
+        page_from_prior = page_frame(result) @ result.registration.camera_from_prior
         points = page_from_prior.apply(prior.points)
-        self.prior.show(
-            points, _prior_colors(prior, page_from_prior, result), spacing_of(prior.points)
-        )
-        self._rejected.visible = not result.is_ok
-        self._rejected.position = points[int(np.argmax(points[:, 2]))]
+        colors = _prior_colors(prior, page_from_prior, result)
+        spacing_mm = spacing_of(prior.points)
+        if not result.is_ok:
+            self._rejected.position = points[int(np.argmax(points[:, 2]))]
+            self._rejected.visible = part is not PriorPart.NONE
+        elif part is PriorPart.UNSEEN:
+            # both surfaces in one place would flicker through each other
+            keep = ~is_measured(prior, shown.scan, result.registration.camera_from_prior)
+            points, colors = points[keep], colors[keep]
+        if part is PriorPart.NONE:
+            self.prior.clear()
+        else:
+            self.prior.show(points, colors, spacing_mm)
 
     def _bolt_clicked(self, bolt_id: str) -> None:
         with self._lock:
@@ -242,11 +268,23 @@ def _choice_text(bolt: LocatedBolt) -> str:
     return f"{bolt.id} {bolt.name}".strip()
 
 
+def is_measured(prior: Prior, scan: Scan, camera_from_prior: Transform) -> BoolArray:
+    """Tell which points of a posed prior have scan points beside them; shape (N,)."""
+    points = camera_from_prior.inverse().apply(scan.points)
+    low, high = prior.points.min(axis=0) - _BESIDE_MM, prior.points.max(axis=0) + _BESIDE_MM
+    near = points[((points >= low) & (points <= high)).all(axis=1)]
+    if len(near) == 0:
+        return np.zeros(len(prior.points), dtype=np.bool_)
+    near = near[:: max(1, len(near) // _ENOUGH)]
+    distance, _ = KDTree(near).query(prior.points, distance_upper_bound=_BESIDE_MM, workers=-1)
+    return np.isfinite(distance)
+
+
 def _prior_colors(prior: Prior, page_from_prior: Transform, result: LocateResult) -> UInt8Array:
     normals = page_from_prior.rotate(prior.normals)
     up = np.array([0.0, 0.0, 1.0]) if result.frame == "base" else np.array([0.0, -1.0, 0.0])
     towards = np.array([1.0, 0.0, 0.0]) if result.frame == "base" else np.array([0.0, 0.0, -1.0])
-    tint = paint.PRIOR if result.is_ok else _REJECTED
+    tint = _PRIOR if result.is_ok else _REJECTED
     tints: FloatArray = np.tile(tint, (len(normals), 1))
     tints[prior.labels == Part.BOLT] *= 0.85
     return lit_colors(tints, light(normals, up, towards))

@@ -120,24 +120,25 @@ def legend(mode: ColorMode, *, from_file: bool) -> list[tuple[str, str]]:
     if mode is ColorMode.PARTS:
         source = " (labels of the file)" if from_file else ""
         return [
-            (_css(np.array(paint.PART_COLORS[part])), part.name.replace("_", " ").lower() + source)
+            (css(np.array(paint.PART_COLORS[part])), part.name.replace("_", " ").lower() + source)
             for part in Part
         ]
     if mode is ColorMode.MOTOR:
         return [
-            (_css(paint.MOTOR), f"motor: within {REACH_MM:g} mm of the registered prior"),
-            (_css(paint.SURROUNDINGS), "anything else"),
+            (css(paint.MOTOR), f"motor: within {REACH_MM:g} mm of the registered prior"),
+            (css(paint.SURROUNDINGS), "anything else"),
         ]
     if mode is ColorMode.DISTANCE:
         steps = np.array([0.0, 0.25, 0.5, 0.75, 1.0]) * FULL_MM
         ramp = [
-            (_css(tint), f"{value:g} mm" + (" and more" if value == FULL_MM else ""))
+            (css(tint), f"{value:g} mm" + (" and more" if value == FULL_MM else ""))
             for tint, value in zip(residual_tints(steps), steps, strict=True)
         ]
-        return [*ramp, (_css(_FIT_SURROUNDINGS), "not the motor")]
+        return [*ramp, (css(_FIT_SURROUNDINGS), "not the motor")]
     return []
 
 
-def _css(tint: FloatArray) -> str:
+def css(tint: FloatArray) -> str:
+    """Write a colour, shape (3,), 0 to 1, as CSS."""
     red, green, blue = (round(255 * float(value)) for value in tint)
     return f"rgb({red},{green},{blue})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from enum import StrEnum
 from typing import Protocol
 
 from boltpose.picture.bolt_marks import Ink
@@ -11,10 +12,17 @@ from boltpose.viewer.bolts import BoltLayer
 from boltpose.viewer.page import Page
 from boltpose.viewer.panel import color_legend
 from boltpose.viewer.panel_bolts import mark_legend
-from boltpose.viewer.points import PointLayer
 from boltpose.viewer.scan_colors import ColorMode, legend
 from boltpose.viewer.scan_layer import ScanLayer
 from boltpose.viewer.setting import Setting
+
+
+class PriorPart(StrEnum):
+    """How much of the registered prior is shown; the text is what the page shows."""
+
+    UNSEEN = "where nothing was measured"
+    ALL = "all of it"
+    NONE = "hidden"
 
 
 class Switched(Protocol):
@@ -22,7 +30,6 @@ class Switched(Protocol):
 
     page: Page
     scan: ScanLayer
-    prior: PointLayer
     bolts: BoltLayer
     setting: Setting
 
@@ -33,6 +40,13 @@ class Switched(Protocol):
 
     def recolor(self, mode: ColorMode) -> None:
         """Colour the scan."""
+
+    def prior_legend(self) -> list[tuple[str, str]]:
+        """Colour and meaning of the registered prior; nothing if there is none."""
+        ...
+
+    def show_prior(self) -> None:
+        """Show as much of the prior as `Switches.prior_part` says."""
 
     def look(self, where: str) -> None:
         """Put the viewer somewhere."""
@@ -48,14 +62,13 @@ class Switches:
         self._mode = gui.add_dropdown(
             "Scan colours",
             tuple(str(mode) for mode in ColorMode),
-            initial_value=str(ColorMode.MOTOR),
+            initial_value=str(ColorMode.PARTS),
         )
         self._inks: list[Ink] = []
-        self._wished = ColorMode.MOTOR
+        self._wished = ColorMode.PARTS
         self._is_offering = False
         boxes = (
             ("Scan", True, on.scan.set_visible),
-            ("Registered prior", True, on.prior.set_visible),
             ("Bolts", True, on.bolts.set_visible),
             ("Names", True, on.bolts.set_labels),
             ("Robot base", True, on.setting.set_base),
@@ -64,6 +77,12 @@ class Switches:
         for label, initial, switch in boxes:
             box = gui.add_checkbox(label, initial)
             box.on_update(lambda event, switch=switch: page.do(switch, event.target.value))
+        self._prior = gui.add_dropdown(
+            "Registered prior",
+            [str(part) for part in PriorPart],
+            initial_value=str(PriorPart.UNSEEN),
+        )
+        self._prior.on_update(lambda _: page.do(on.show_prior))
         self._sigma = gui.add_checkbox(
             "Sigma ellipsoids", False, hint="1 sigma of each head's place, enlarged"
         )
@@ -71,9 +90,14 @@ class Switches:
         self._sigma.on_update(lambda _: page.do(self._ellipsoids))
         self._times.on_update(lambda _: page.do(self._ellipsoids))
         self._mode.on_update(lambda _: page.do(self._recolor))
-        places = gui.add_button_group("Look", ("motor", "behind", "camera"))
+        places = gui.add_button_group("Look", ("motor", "behind", "camera", "all"))
         places.on_click(lambda event: page.do(on.look, event.target.value))
         self._legend = page.add_html()
+
+    @property
+    def prior_part(self) -> PriorPart:
+        """How much of the registered prior is wanted."""
+        return PriorPart(self._prior.value)
 
     def offer(self, modes: Sequence[ColorMode], inks: Sequence[Ink]) -> ColorMode:
         """Offer these colours; the one chosen last is kept where it is among them."""
@@ -91,7 +115,7 @@ class Switches:
         parts: list[Html | None] = [mark_legend(inks)]
         if mode is not None:
             entries = legend(mode, from_file=self._on.labels_from_file)
-            parts.append(color_legend(entries, "Scan"))
+            parts.append(color_legend([*entries, *self._on.prior_legend()], "Surfaces"))
         self._legend.show(join(parts))
 
     def _recolor(self) -> None:
