@@ -182,7 +182,9 @@ def _draw_behind_panels(
 
 
 def _is_hidden(bolt: LocatedBolt, side: Side) -> bool:
-    return bolt.visibility is Visibility.HIDDEN and bolt.side is side
+    # one that is gone needs no view from which it can be seen
+    is_there = bolt.state is not BoltState.CONTRADICTED
+    return is_there and bolt.visibility is Visibility.HIDDEN and bolt.side is side
 
 
 def _draw_reasons_panel(sheet: Sheet, result: LocateResult, place: Panel) -> None:

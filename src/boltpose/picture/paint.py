@@ -79,7 +79,7 @@ def paint_finely(
         return np.ones((fine.height, fine.width, 3), dtype=np.float32)
     step = max(1, len(points) // _MAX_POINTS)
     shown, tints = points[::step], colors[::step]
-    spacing_mm = _spacing_mm(shown)
+    spacing_mm = typical_spacing_mm(shown)
     image = rasterise(fine, shown, 1.4 * spacing_mm)
     brightness = light(image, fine, smooth_mm=max(0.6, 0.9 * spacing_mm))
     tint = tints.astype(np.float32)[np.maximum(image.index, 0)]
@@ -101,8 +101,12 @@ def distance_tints(distance_mm: FloatArray, full_mm: float) -> FloatArray:
     return np.stack([np.interp(share, (0, 0.5, 1), stops[:, c]) for c in range(3)], axis=1)
 
 
-def _spacing_mm(points: FloatArray) -> float:
-    """Typical distance to the fourth neighbour: the pitch of a grid, and the gaps of a scan."""
+def typical_spacing_mm(points: FloatArray) -> float:
+    """Typical distance to the fourth neighbour: the pitch of a grid, and the gaps of a scan.
+
+    Args:
+        points: Shape (N, 3), mm.
+    """
     cloud = as_points(points, "points", at_least=0)
     if len(cloud) < 5:
         return 1.0

@@ -9,8 +9,8 @@ from typing import Any
 
 from boltpose.locate_config import LocateConfig
 from boltpose.registration.joint import JointConfig
-from boltpose.report.markup import Html, clip, join, number, percent, tag
-from boltpose.schema import LocateResult
+from boltpose.report.markup import Html, clip, join, number, tag
+from boltpose.schema import LocateResult, Status
 from boltpose.variant_search import VariantConfig
 
 _HASH_LENGTH = 12
@@ -132,8 +132,8 @@ def _variants(result: LocateResult) -> Html | None:
         join(
             [
                 clip(entry.name, 40),
-                f" {number(max(entry.score, 0.0), 2)} ",
-                f"({entry.status}, right {percent(entry.p_correct)})",
+                f" {number(max(entry.score, 0.0), 2)}",
+                " (accepted)" if entry.status is Status.OK else None,
             ]
         )
         for entry in result.variants[:_SHOWN_VARIANTS]
@@ -141,7 +141,7 @@ def _variants(result: LocateResult) -> Html | None:
     more = len(result.variants) - len(shown)
     if more > 0:
         shown.append(join([f"and {more} more"]))
-    return join(["agreement, best first: ", join(shown, "; ")])
+    return join(["agreement 0 to 1, best first: ", join(shown, "; ")])
 
 
 def _digest(text: str) -> Html:

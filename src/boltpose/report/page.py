@@ -24,7 +24,7 @@ from boltpose.schema import LocateResult, Prior, Scan
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """The browser itself refuses scripts and every request, whatever a file's text may hold."""
 _MANY_LINES = 17
-"""More lines about bolts than this are set closer in print, so that twelve bolts fit on a sheet."""
+"""More lines about bolts or reasons than this are set closer: twelve bolts fit on a sheet."""
 _SAME_PLACE_MM = 0.05
 """A bolt of the result and of the posed prior farther apart than this belong to two motors."""
 
@@ -60,6 +60,8 @@ def render_report(
     bolts = bolt_section(result)
     warnings = notices(result)
     lines = len(result.bolts) + sum(map(has_notes, result.bolts)) + 2 * len(warnings)
+    if not result.is_ok:
+        lines += 2 * len(result.verdict.failed) + len(result.verdict.reasons)
     body = tag(
         "main",
         banner(result, scan.source),

@@ -89,8 +89,9 @@ def _draw(job: Callable[[_Scene], Html], scene: _Scene) -> Html:
 
 
 def _draw_camera(scene: _Scene) -> Html:
-    subject = scene.points if scene.motor is None else scene.motor
-    if not len(subject):
+    # of a refused scan nobody knows where the motor is: show all of it but strays
+    subject = scene.motor if scene.result.is_ok else _without_strays(scene.points)
+    if subject is None or not len(subject):
         return tag(
             "figure",
             tag("p", "The scan holds no points."),
@@ -121,6 +122,14 @@ def _draw_camera(scene: _Scene) -> Html:
         _canvas(view, _paint(view, scene.points, tints), join(over), alt),
         join(["What the camera saw", _key(scene.marks, has_extra=bool(scene.result.extra_heads))]),
     )
+
+
+def _without_strays(points: FloatArray) -> FloatArray:
+    """Points, shape (N, 3), but the outermost of each direction, which make a picture tiny."""
+    if not len(points):
+        return points
+    low, high = np.quantile(points, [0.005, 0.995], axis=0)
+    return points[((points >= low) & (points <= high)).all(axis=1)]
 
 
 def _draw_fit(scene: _Scene) -> Html:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boltpose.arrays import FloatArray
+from boltpose.picture.paint import typical_spacing_mm
 from boltpose.picture.raster import light, rasterise
 from boltpose.picture.view import View
 from boltpose.report.markup import Html, join, number, tag
@@ -22,7 +23,7 @@ _BARE = np.array([0.66, 0.76, 0.90])
 """Prior that no scan point covers; striped, so that it is told from the scan without colours."""
 _STRIPE_PX = 5
 _SPLAT_MM = 1.6
-"""Priors are thinned to about 1 mm."""
+"""At least: priors are thinned to about 1 mm."""
 _PULL_MM = 1.0
 """Towards the camera by a hair, so that the scan wins where both lie on the same surface."""
 _CONTRAST = 0.28
@@ -67,7 +68,8 @@ def draw_residuals(
     pulled = points_camera * (
         1 - _PULL_MM / np.maximum(np.linalg.norm(points_camera, axis=1, keepdims=True), _PULL_MM)
     )
-    image = rasterise(fine, np.vstack([pulled, motor_camera]), _SPLAT_MM)
+    splat_mm = max(_SPLAT_MM, 1.4 * typical_spacing_mm(points_camera))
+    image = rasterise(fine, np.vstack([pulled, motor_camera]), splat_mm)
     colors = np.vstack([tints, np.tile(_BARE, (len(motor_camera), 1))])
     painted = colors.astype(np.float32)[np.maximum(image.index, 0)]
     row, column = np.indices(image.index.shape)

@@ -150,6 +150,11 @@ thead th{font-size:6.4pt}
 .dense .bolts td,.dense .bolts th{line-height:1.12}
 .dense .bolts th,.dense .bolts td{padding:.1mm .5mm}
 .dense>*{margin-bottom:1.1mm}
+.dense .pictures.p2{width:62%}
+.dense .advice td,.dense .advice th,.dense .found{font-size:7pt;line-height:1.1;padding-top:.1mm;
+padding-bottom:.1mm}
+.dense .advice th code{display:inline;margin-left:1.5mm}
+.dense .refusal{padding:.6mm 2.5mm}
 .dense .notice{padding:.2mm 2mm}
 .dense .scores table{font-size:6.6pt}
 .dense .scores td,.dense .scores th{padding:0 .6mm}

@@ -12,6 +12,10 @@ from boltpose.report.markup import Html, clip, join, number, percent, tag
 from boltpose.report.scores import missed_although_ok
 from boltpose.schema import Check, LocatedBolt, LocateResult, Visibility
 
+_ORDER = list(dict.fromkeys([Check.UNKNOWN_MOTOR, Check.VIEWS_DISAGREE, *Check]))
+"""What to look at first. Where no known motor fits, and where views disagree, the other reasons are
+about a pose that was never meant to hold."""
+
 
 def banner(result: LocateResult, scan_source: str) -> Html:
     """The verdict in one word, what it covers, and which scan and motor it is about."""
@@ -108,7 +112,7 @@ def refusal_section(result: LocateResult) -> Html | None:
     """Why no pose is given, and what to do about every reason."""
     if result.is_ok:
         return None
-    failed = sorted(result.verdict.failed, key=list(Check).index)
+    failed = sorted(result.verdict.failed, key=_ORDER.index)
     rows = [
         tag(
             "tr",
