@@ -23,6 +23,7 @@ from boltpose.cli import (
     prior_show,
     report,
     reproduce,
+    serve,
     synth,
     synth_model,
     synth_pictures,
@@ -59,6 +60,7 @@ app.command("export-poses")(export_poses.export_poses)
 app.command("label")(label.label_scan)
 app.command("report")(report.write_report_of)
 app.command("reproduce")(reproduce.reproduce)
+app.command("serve")(serve.serve)
 train_app.command("parts")(train.train_parts)
 train_app.command("scene")(train.train_scene)
 synth_app.command("motors")(synth.synth_motors)
