@@ -11,6 +11,7 @@ import typer
 
 from boltpose import __version__
 from boltpose.cli import (
+    config,
     demo,
     evaluate,
     export,
@@ -43,10 +44,15 @@ app = typer.Typer(
 prior_app = typer.Typer(help="Build, look at and correct what is known of a motor beforehand.")
 train_app = typer.Typer(help="Train the networks (needs the `train` extra).")
 synth_app = typer.Typer(help="Synthetic motors and clamps, labelled (needs the `synth` extra).")
+config_app = typer.Typer(help="The settings of a cell, `boltpose.toml`: write, test and show them.")
+app.add_typer(config_app, name="config")
 app.add_typer(prior_app, name="prior")
 app.add_typer(synth_app, name="synth")
 app.add_typer(train_app, name="train")
 
+config_app.command("init")(config.init)
+config_app.command("check")(config.check)
+config_app.command("show")(config.show)
 prior_app.command("build")(prior_build.build)
 prior_app.command("show")(prior_show.show)
 prior_app.command("edit")(prior_edit.edit)
@@ -74,6 +80,7 @@ synth_app.command("card")(synth_sets.synth_card)
 synth_app.command("compare")(synth_sets.synth_compare)
 
 
+@config_app.callback(invoke_without_command=True)
 @prior_app.callback(invoke_without_command=True)
 @synth_app.callback(invoke_without_command=True)
 @train_app.callback(invoke_without_command=True)

@@ -8,7 +8,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-TABLE_WIDTH = 102
+TABLE_WIDTH = 116
 """Columns a table of bolts needs; a narrower terminal wraps lines rather than cut off numbers."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -42,4 +43,6 @@ def run_demo(
         camera=DEMO_FOLDER / "scene_camera.json",
         output=output / "poses.json",
         picture=output / "demo.png",
+        report=output / "report.html",
+        config=Path(os.devnull),  # the demo's own files, whatever cell it is tried in
     )

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from boltpose.cli.cell import ConfigOption, open_cell
 from boltpose.cli.console import StageProgress, answer_console, note_console, warn
 from boltpose.cli.exit_codes import ExitCode
+from boltpose.cli.locate_settings import Method, settle
 from boltpose.cli.options import JsonOption, LengthUnit, ModelsOption, PictureOption
-from boltpose.cli.outputs import PICTURE_SUFFIXES, POSES_SUFFIXES, check_output, remove_stale
-
-
-class Method(StrEnum):
-    """Registration methods by the name a user knows them by."""
-
-    DEFAULT = "default"
-    PAPER = "paper"
+from boltpose.cli.outputs import (
+    PICTURE_SUFFIXES,
+    POSES_SUFFIXES,
+    REPORT_SUFFIXES,
+    check_output,
+    remove_stale,
+    remove_stale_poses,
+)
+from boltpose.errors import BoltposeError
 
 
 def locate_bolts(
@@ -30,13 +32,13 @@ def locate_bolts(
         ),
     ],
     prior: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             "--prior",
             metavar="FILE|DIR",
             help="The motor's .prior.npz, or a folder of them: which motor is it?",
         ),
-    ],
+    ] = None,
     hand_eye: Annotated[
         list[Path] | None,
         typer.Option(
@@ -57,14 +59,19 @@ def locate_bolts(
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="Write poses.json here.")
     ] = None,
     picture: PictureOption = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="A page for people: .html, one A4 sheet."),
+    ] = None,
     as_json: JsonOption = False,
     scan_unit: Annotated[
-        LengthUnit, typer.Option("--scan-unit", help="Unit of the scan; never guessed.")
-    ] = LengthUnit.MM,
+        LengthUnit | None,
+        typer.Option("--scan-unit", help="Unit of the scan; mm, never guessed."),
+    ] = None,
     hand_eye_unit: Annotated[
-        LengthUnit,
-        typer.Option("--hand-eye-unit", help="Unit of the hand-eye matrix and the robot pose."),
-    ] = LengthUnit.MM,
+        LengthUnit | None,
+        typer.Option("--hand-eye-unit", help="Unit of the hand-eye matrix and the robot pose; mm."),
+    ] = None,
     hand_eye_sigma: Annotated[
         str | None,
         typer.Option(
@@ -86,54 +93,89 @@ def locate_bolts(
         typer.Option("--camera", metavar="JSON", help="scene_camera.json of a depth .png."),
     ] = None,
     method: Annotated[
-        Method,
+        Method | None,
         typer.Option("--method", help="Registration; `paper` needs the `bench` extra."),
-    ] = Method.DEFAULT,
+    ] = None,
     models: ModelsOption = None,
+    config: ConfigOption = None,
 ) -> None:
     """Locate every bolt of a clamped motor, also those the camera cannot see."""
-    hand_eyes, robot_poses = hand_eye or [], robot_pose or []
-    inputs = (*scans, prior, *hand_eyes, *robot_poses, camera)
+    named = (*scans, prior, *(hand_eye or []), *(robot_pose or []), camera)
+    check_output(output, POSES_SUFFIXES, inputs=named)
+    try:
+        cell = open_cell(config)
+        given = settle(
+            cell.locate(),
+            prior=prior,
+            hand_eyes=hand_eye or [],
+            robot_poses=robot_pose or [],
+            scan_unit=scan_unit,
+            hand_eye_unit=hand_eye_unit,
+            hand_eye_sigma=hand_eye_sigma,
+            tool_tolerance=tool_tolerance,
+            camera=camera,
+            method=method,
+            models=models,
+            scans=scans,
+        )
+    except BoltposeError:
+        remove_stale_poses(output)
+        raise
+    inputs = (*scans, given.prior, *given.hand_eyes, *given.robot_poses, given.camera)
     check_output(output, POSES_SUFFIXES, inputs=inputs)
     check_output(picture, PICTURE_SUFFIXES, inputs=(*inputs, output))
-    remove_stale(output, picture)
+    check_output(report, REPORT_SUFFIXES, inputs=(*inputs, output, picture))
+    remove_stale(output, picture, report)
 
     from boltpose.cli.locate_call import call_locate
-    from boltpose.cli.locate_inputs import hash_inputs, parse_sigma, parse_tool, read_shots
+    from boltpose.cli.locate_inputs import hash_inputs, read_shots
     from boltpose.locate_config import LocateConfig
     from boltpose.registration.config import RegistrationConfig
     from boltpose.results import dump_json, write_poses
     from boltpose.segmentation.models import load_models
 
-    config = LocateConfig(
+    settings = LocateConfig(
         registration=RegistrationConfig(
-            method="paper" if method is Method.PAPER else "multi_start"
+            method="paper" if given.method == Method.PAPER else "multi_start"
         ),
         label_scan=picture is not None,
-        tool=parse_tool(tool_tolerance),
+        tool=given.tool,
     )
     shots = read_shots(
         scans,
-        hand_eyes,
-        robot_poses,
-        scan_unit=scan_unit,
-        hand_eye_unit=hand_eye_unit,
-        camera=camera,
-        sigma=parse_sigma(hand_eye_sigma),
+        given.hand_eyes,
+        given.robot_poses,
+        scan_unit=given.scan_unit,
+        hand_eye_unit=given.hand_eye_unit,
+        camera=given.camera,
+        sigma=given.hand_eye_sigma,
     )
-    networks = load_models(models)
+    networks = load_models(given.models)
     provenance = {
-        **hash_inputs(scans, prior, hand_eyes, robot_poses, scan_unit=scan_unit, camera=camera),
+        **hash_inputs(
+            scans,
+            given.prior,
+            given.hand_eyes,
+            given.robot_poses,
+            scan_unit=given.scan_unit,
+            camera=given.camera,
+        ),
         "models": dict(networks.hashes),
+        **cell.provenance(),
     }
     with StageProgress("locating", quiet=as_json) as progress:
-        call = call_locate(shots, prior, networks.scene, config, provenance, progress.done)
+        call = call_locate(shots, given.prior, networks.scene, settings, provenance, progress.done)
     result = call.result
     timings_ms = {stage: 1000 * seconds for stage, seconds in progress.seconds.items()}
     if picture is not None:
         from boltpose.picture import draw_located
 
         draw_located(picture, result, call.scan, call.prior, result.base_from_camera)
+    if report is not None:
+        from boltpose.report import write_report
+
+        write_report(report, result, call.scan, call.prior, timings_ms)
+    # last: a robot that waits for it finds everything else in place
     if output is not None:
         write_poses(output, result, timings_ms)
     if result.base_from_camera is None:
@@ -145,7 +187,7 @@ def locate_bolts(
 
         answer_console().print(describe_result(result))
         note_console().print(f"[dim]{progress.summary()}[/]", soft_wrap=True)
-        for path in (output, picture):
+        for path in (output, picture, report):
             if path is not None:
                 note_console().print(f"wrote {path}", soft_wrap=True)
     if not result.is_ok:

@@ -11,6 +11,7 @@ from boltpose.errors import InputFileError
 PRIOR_SUFFIXES = (".npz",)
 POSES_SUFFIXES = (".json",)
 PICTURE_SUFFIXES = (".png", ".svg", ".pdf")
+REPORT_SUFFIXES = (".html", ".htm")
 
 
 def check_output(
@@ -52,3 +53,17 @@ def remove_stale(*paths: Path | None) -> None:
     for path in paths:
         if path is not None:
             path.unlink(missing_ok=True)
+
+
+def remove_stale_poses(path: Path | None) -> None:
+    """Remove a `poses.json` of an earlier run, and only that, before inputs are known.
+
+    A settings file that cannot be read does not tell what its inputs are: the output may be one
+    of them by a slip, and no calibration must be lost by it.
+    """
+    if path is None or not path.is_file():
+        return
+    with path.open("rb") as stream:
+        head = stream.read(200)
+    if b'"boltpose.poses/' in head:
+        path.unlink()

@@ -8,6 +8,8 @@ from rich.console import Console
 
 from boltpose.cli.console import TABLE_WIDTH, StageProgress
 from boltpose.cli.tables import describe_prior, describe_result
+from boltpose.geometry.transforms import Transform
+from boltpose.schema import BoltState, Side, Visibility
 from tests.support import results
 
 
@@ -37,7 +39,30 @@ def test_progress_off_a_terminal_writes_nothing(capsys: pytest.CaptureFixture[st
 
 def test_no_number_is_cut_off_in_the_narrowest_table() -> None:
     prior = results.cube_prior()
-    result = results.located(prior)
+    plain = results.located(prior)
+    # the widest there is: every column, the longest word in each
+    result = replace(
+        plain,
+        bolts=tuple(
+            replace(
+                bolt,
+                id=f"T1{row}",
+                side=Side.BOTTOM,
+                p_tool_fits=1.0,
+                visible_fraction=1.0,
+                visibility=Visibility.VISIBLE,
+                state=BoltState.CONTRADICTED,
+                state_reason="a hole",
+                is_sure=False,
+                sigma_lateral_mm=10.0,
+                sigma_axial_mm=10.0,
+                frame_from_bolt=Transform.from_parts(
+                    "base", "bolt", bolt.frame_from_bolt.rotation, (-1234.56, -2345.67, -3456.78)
+                ),
+            )
+            for row, bolt in enumerate(plain.bolts)
+        ),
+    )
 
     text = text_of(describe_result(result), TABLE_WIDTH)
 
