@@ -77,8 +77,8 @@ def render_report(
         ),
         tag(
             "footer",
-            "Lengths in mm. Probabilities and sigmas hold for the camera they were measured with."
-            " The robot reads poses.json, never this page.",
+            "Lengths in mm. The sigmas leave out the robot's own error, and that of the hand-eye"
+            " unless it was told (--hand-eye-sigma). The robot reads poses.json, never this page.",
         ),
         class_="dense" if lines > _MANY_LINES else "roomy",
     )
