@@ -78,6 +78,10 @@ class BoltLayer:
         if chosen in self._drawn:
             self.choose(chosen)
 
+    def ids(self) -> tuple[str, ...]:
+        """Of the bolts that are shown."""
+        return tuple(self._drawn)
+
     def clear(self) -> None:
         """Show no bolt."""
         for drawn in self._drawn.values():

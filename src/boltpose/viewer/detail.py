@@ -80,10 +80,10 @@ def cut(points: FloatArray, config: ViewerConfig) -> Detail:
     else:
         total = config.first_points + config.middle_points
         middle_mm = coarse_mm * float(np.sqrt(config.first_points / min(total, count)))
-        level[_one_per_voxel(single, middle_mm)] = MIDDLE
+        level[_spread(single, middle_mm, total)] = MIDDLE
         if count <= total:
             level[level == FINE] = MIDDLE
-        level[_one_per_voxel(single, coarse_mm)] = COARSE
+        level[_spread(single, coarse_mm, config.first_points)] = COARSE
     shown = [int((level <= step).sum()) for step in (COARSE, MIDDLE, FINE)]
     spacing = [coarse_mm * float(np.sqrt(shown[0] / max(each, 1))) for each in shown]
     return Detail(
@@ -143,12 +143,23 @@ def _voxel_for(points: Float32Array, count: int) -> float:
     extent = float(np.ptp(sample, axis=0).max())
     if extent <= 0:
         return 1.0
-    voxel_mm = max(extent / 300, 1e-3)
-    for _ in range(2):
+    # as if the points filled a square; stray points make it too large at first
+    voxel_mm = max(extent / float(np.sqrt(count)), 1e-3)
+    for _ in range(5):
         found = len(_one_per_voxel(sample, voxel_mm))
+        share = found / min(count, len(sample))
+        if 0.8 < share < 1.25:
+            break
         # points on a surface: their number falls with the square of the edge
-        voxel_mm *= float(np.sqrt(found / min(count, len(sample))))
-    return voxel_mm
+        voxel_mm *= float(np.sqrt(share))
+    # a stray point far away must not make more voxels than a number can count
+    return max(voxel_mm, extent / 1e6)
+
+
+def _spread(points: Float32Array, voxel_mm: float, count: int) -> IntArray:
+    """Rows of about `count` points, evenly over the surface; chosen among four times as many."""
+    step = max(1, len(points) // (4 * count))
+    return _one_per_voxel(points[::step], voxel_mm) * step
 
 
 def _one_per_voxel(points: Float32Array, voxel_mm: float) -> IntArray:
@@ -163,7 +174,10 @@ def _tiles(points: Float32Array, level: UInt8Array, edge_mm: float) -> tuple[Til
     cell = np.floor((points - points.min(axis=0)) / np.float32(max(edge_mm, 1e-3))).astype(np.int64)
     size = cell.max(axis=0) + 1
     key = (cell[:, 0] * size[1] + cell[:, 1]) * size[2] + cell[:, 2]
-    order = np.lexsort((level, key))
+    sort_key = 3 * key + level
+    if int(size.prod()) * 3 < 65536:
+        sort_key = sort_key.astype(np.uint16)  # numpy sorts short integers in linear time
+    order = np.argsort(sort_key, kind="stable")
     ends = np.flatnonzero(np.diff(key[order])) + 1
     tiles: list[Tile] = []
     for rows in np.split(order, ends):

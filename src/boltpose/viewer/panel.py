@@ -8,7 +8,7 @@ from pathlib import PurePath
 
 from boltpose.report.advice import ADVICE
 from boltpose.report.markup import Html, clip, join, number, percent, tag
-from boltpose.report.scores import AT_MOST, Score, scores_of
+from boltpose.report.scores import AT_MOST, Score, missed_although_ok, scores_of
 from boltpose.report.verdict import notices
 from boltpose.schema import BoltState, Check, LocateResult, Verdict, Visibility
 from boltpose.viewer.panel_style import STYLE
@@ -42,6 +42,17 @@ def sign_of(result: LocateResult, scan_source: str) -> Sign:
             text="No pose is given. The robot must not work on this motor now.",
             scan=scan,
             points=tuple(ADVICE[check].meaning for check in failed),
+        )
+    missed = missed_although_ok(result.verdict)
+    if missed:
+        # the file was changed, or two versions do not agree: what it says is no verdict
+        names = ", ".join(score.name for score in missed)
+        return Sign(
+            kind="refused",
+            word="DO NOT USE",
+            text="It says OK, but scores miss their thresholds. Locate again.",
+            scan=scan,
+            points=(names,),
         )
     counts = {level: sum(bolt.visibility is level for bolt in result.bolts) for level in Visibility}
     words = zip(("seen", "partly seen", "hidden"), Visibility, strict=True)

@@ -13,6 +13,7 @@ from boltpose.arrays import BoolArray, FloatArray, UInt8Array
 from boltpose.geometry.transforms import Transform
 from boltpose.picture import paint
 from boltpose.picture.bolt_marks import INK_OF, Ink
+from boltpose.report.scores import missed_although_ok
 from boltpose.schema import BoltState, LocatedBolt, LocateResult, Part, Prior, Scan
 from boltpose.viewer.bolts import BoltLayer, BoltMark3d
 from boltpose.viewer.page import Page
@@ -120,7 +121,8 @@ class ResultPage:
         points = page_from_camera.apply(scan.points)
         colors = ScanColors(scan, result, shown.prior)
         # a file that calls itself refused and holds bolts all the same gets none of them shown
-        bolts = result.bolts if result.is_ok else ()
+        is_usable = result.is_ok and not missed_although_ok(result.verdict)
+        bolts = result.bolts if is_usable else ()
         self.shown, self._colors = shown, colors
         with self.page.server.atomic():
             self.bolts.show([_mark(bolt) for bolt in bolts])

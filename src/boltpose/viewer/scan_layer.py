@@ -72,6 +72,7 @@ class ScanLayer:
         self._change = threading.Condition()
         self._version = 0
         self._is_stopped = False
+        self._is_light = False
         self._idle = threading.Event()
         self._pick: PickLayer | None = None
         self._thread = threading.Thread(target=self._run, name="scan-layer", daemon=True)
@@ -110,6 +111,12 @@ class ScanLayer:
         self._root.visible = is_visible
         if self._pick is not None:
             self._pick.is_shown = is_visible
+
+    def set_light(self, is_light: bool) -> None:
+        """Draw the coarse points only, for a computer without a graphics card."""
+        with self._change:
+            self._is_light = is_light
+            self._notify()
 
     @property
     def sent_bytes(self) -> int:
@@ -193,6 +200,8 @@ class ScanLayer:
         levels = wanted_levels(
             content.detail, _sight(viewer.client), self._config, is_moving=still_in > 0
         )
+        if self._is_light:
+            levels = [COARSE] * len(tiles)
         if still_in > 0:
             # only what is there already: nothing is sent while the view turns
             levels = [min(a, b) for a, b in zip(levels, _held(viewer, len(tiles)), strict=True)]

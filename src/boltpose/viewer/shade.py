@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 
 from boltpose.arrays import FloatArray, UInt8Array
 from boltpose.geometry.normals import estimate_normals, orient_towards
-from boltpose.geometry.sampling import voxel_representatives
+from boltpose.geometry.sampling import voxel_downsample
 
 _ENOUGH = 60_000
 """Normals are fitted at about so many points; the others take that of the nearest of them."""
@@ -47,9 +47,9 @@ class ScanNormals:
             viewpoint: Shape (3,): the camera, which saw every point from in front.
             spacing_mm: A voxel that leaves some ten thousand points.
         """
-        rows = voxel_representatives(points, spacing_mm)
-        rows = rows[:: max(1, len(rows) // _ENOUGH)]
-        thin = points[rows]
+        some = points[:: max(1, len(points) // (5 * _ENOUGH))]
+        thin = voxel_downsample(some, spacing_mm)
+        thin = thin[:: max(1, len(thin) // _ENOUGH)]
         if len(thin) < 3:
             self._tree, self._normals = None, np.zeros((0, 3))
             return

@@ -73,6 +73,7 @@ class Switches:
             ("Names", True, on.bolts.set_labels),
             ("Robot base", True, on.setting.set_base),
             ("Camera", True, on.setting.set_camera),
+            ("Fewer points", False, on.scan.set_light),
         )
         for label, initial, switch in boxes:
             box = gui.add_checkbox(label, initial)
