@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from boltpose.cli.cell import ConfigOption, open_cell
 from boltpose.cli.console import answer_console, note_console, warn
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption, LengthUnit
@@ -103,13 +104,17 @@ def export_poses(
     include_hidden: Annotated[
         bool | None,
         typer.Option(
-            "--include-hidden", help="Bolts the camera did not see.", rich_help_panel=_BOLTS
+            "--include-hidden/--no-hidden",
+            help="Bolts the camera did not see.",
+            rich_help_panel=_BOLTS,
         ),
     ] = None,
     include_unsure: Annotated[
         bool | None,
         typer.Option(
-            "--include-unsure", help="Bolts no person has confirmed.", rich_help_panel=_BOLTS
+            "--include-unsure/--no-unsure",
+            help="Bolts no person has confirmed.",
+            rich_help_panel=_BOLTS,
         ),
     ] = None,
     include_contradicted: Annotated[
@@ -206,6 +211,7 @@ def export_poses(
             rich_help_panel=_ONE_FORMAT,
         ),
     ] = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Write tool poses with approach, contact and retreat for a robot's controller.
@@ -223,8 +229,8 @@ def export_poses(
     from boltpose.robot import RobotConfig, RobotFormat, plan_tools, write_robot_file
     from boltpose.saved_result import result_of
 
-    config = with_options(
-        RobotConfig(),
+    settings = with_options(
+        open_cell(config).settings("robot", RobotConfig),
         approach_mm=approach,
         retreat_mm=retreat,
         contact_offset_mm=contact_offset,
@@ -242,9 +248,9 @@ def export_poses(
         tcp=None if tcp is None else str(tcp),
     )
     flange_from_tool: Transform | None = None
-    if config.tcp is not None:
+    if settings.tcp is not None:
         flange_from_tool = read_hand_eye(
-            config.tcp, unit=tcp_unit, target="flange", source="tool", option="--tcp-unit"
+            settings.tcp, unit=tcp_unit, target="flange", source="tool", option="--tcp-unit"
         ).transform
     file = read_poses(poses)
     try:
@@ -253,7 +259,7 @@ def export_poses(
             _write_bop(output, file, scene, image, object_id, model_pose)
             summary: dict[str, Any] = {"written": str(output), "format": to.value}
         else:
-            plan = plan_tools(result_of(file), config, flange_from_tool)
+            plan = plan_tools(result_of(file), settings, flange_from_tool)
             write_robot_file(output, plan, RobotFormat(to.value), stamp)
             summary = {"written": str(output), "format": to.value, **_summary(plan)}
             for text in plan.warnings:

@@ -135,9 +135,7 @@ def locate_bolts(
     from boltpose.segmentation.models import load_models
 
     settings = LocateConfig(
-        registration=RegistrationConfig(
-            method="paper" if given.method == Method.PAPER else "multi_start"
-        ),
+        registration=RegistrationConfig(method=given.registration_method),
         label_scan=picture is not None,
         tool=given.tool,
     )

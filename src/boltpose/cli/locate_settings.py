@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
     from boltpose.cell import LocateSection
@@ -35,6 +35,11 @@ class LocateSettings:
     camera: Path | None
     method: str
     models: Path | None
+
+    @property
+    def registration_method(self) -> Literal["multi_start", "paper"]:
+        """The method as `RegistrationConfig` calls it."""
+        return "paper" if self.method == Method.PAPER else "multi_start"
 
 
 def settle(

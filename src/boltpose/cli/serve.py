@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from boltpose.cli.cell import ConfigOption, open_cell
 from boltpose.cli.console import answer_console, note_console
 from boltpose.cli.options import ModelsOption
 
@@ -62,6 +63,7 @@ def serve(
         bool, typer.Option("--list-keys", help="List who has a key, and end.")
     ] = False,
     models: ModelsOption = None,
+    config: ConfigOption = None,
 ) -> None:
     """Answer requests over HTTP: locate, priors, journal, health, metrics.
 
@@ -69,8 +71,8 @@ def serve(
     """
     from boltpose.service.config import ServiceConfig
 
-    config = with_options(
-        ServiceConfig(),
+    settings = with_options(
+        open_cell(config).settings("service", ServiceConfig),
         host=host,
         port=port,
         data=data,
@@ -84,7 +86,7 @@ def serve(
         can_change_priors=False if read_only else None,
     )
     if new_key is not None or remove_key is not None or list_keys:
-        _change_keys(Path(config.data), new_key, remove_key, wants_list=list_keys)
+        _change_keys(Path(settings.data), new_key, remove_key, wants_list=list_keys)
         return
 
     from boltpose.service.serve import serve as run_service
@@ -94,10 +96,10 @@ def serve(
     def on_ready(url: str) -> None:
         typer.echo(f"boltpose serves {url}  (stop: Ctrl-C)")
         note_console().print(
-            f"priors {config.priors}, journal and inputs {config.data}", soft_wrap=True
+            f"priors {settings.priors}, journal and inputs {settings.data}", soft_wrap=True
         )
 
-    run_service(config, on_ready)
+    run_service(settings, on_ready)
 
 
 def with_options(config: ServiceConfig, **options: Any) -> ServiceConfig:

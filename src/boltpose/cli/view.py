@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import webbrowser
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from boltpose.cli.cell import ConfigOption, open_cell
 from boltpose.cli.console import note_console
+from boltpose.cli.locate_settings import LocateSettings, settle
 from boltpose.cli.options import LengthUnit, ModelsOption
 from boltpose.errors import ConfigError
 
@@ -58,18 +61,19 @@ def view(
         typer.Option("--camera", metavar="JSON", help="With --live: scene_camera.json of .png."),
     ] = None,
     scan_unit: Annotated[
-        LengthUnit, typer.Option("--scan-unit", help="With --live: unit of the scans.")
-    ] = LengthUnit.MM,
+        LengthUnit | None, typer.Option("--scan-unit", help="With --live: unit of the scans; mm.")
+    ] = None,
     hand_eye_unit: Annotated[
-        LengthUnit, typer.Option("--hand-eye-unit", help="Unit of the hand-eye matrix.")
-    ] = LengthUnit.MM,
+        LengthUnit | None, typer.Option("--hand-eye-unit", help="Unit of the hand-eye matrix; mm.")
+    ] = None,
     models: ModelsOption = None,
     port: Annotated[
-        int, typer.Option("--port", help="Port on this machine; 0 is any free one.")
-    ] = 8321,
+        int | None, typer.Option("--port", help="Port on this machine; 8321, 0 is any free one.")
+    ] = None,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="Only print the address.")
     ] = False,
+    config: ConfigOption = None,
 ) -> None:
     """Show a result in the browser, or locate scans there; Ctrl-C ends it.
 
@@ -80,7 +84,8 @@ def view(
 
       boltpose view --live --prior motor.prior.npz --hand-eye hand_eye.yaml --watch scans/
     """
-    _check_options(file, live=live, prior=prior, hand_eye=hand_eye, watch=watch, camera=camera)
+    _check_options(file, live=live, hand_eye=hand_eye, watch=watch, camera=camera)
+    cell = open_cell(config)
 
     from boltpose.viewer.config import ViewerConfig
     from boltpose.viewer.live import LivePage, SavedPage
@@ -89,21 +94,31 @@ def view(
     from boltpose.viewer.result_page import ResultPage
 
     title = "boltpose live" if file is None else f"boltpose: {file.name}"
-    with Page(title, ViewerConfig(port=port)) as page:
-        if file is None:
-            assert prior is not None
-            locate = _locator(
-                prior,
-                hand_eye,
-                camera,
-                scan_unit=scan_unit,
-                hand_eye_unit=hand_eye_unit,
-                models=models,
-            )
-            LivePage(ResultPage(page), locate, watch)
-        elif file.suffix.lower() == PRIOR_SUFFIX:
+    settings = cell.settings("viewer", ViewerConfig)
+    if port is not None:
+        settings = replace(settings, port=port)
+    given = None
+    if file is None:
+        given = settle(
+            cell.locate(),
+            scans=[Path("live.png")],  # depth images may come, too
+            prior=prior,
+            hand_eyes=[] if hand_eye is None else [hand_eye],
+            robot_poses=[],
+            scan_unit=scan_unit,
+            hand_eye_unit=hand_eye_unit,
+            hand_eye_sigma=None,
+            tool_tolerance=None,
+            camera=camera,
+            method=None,
+            models=models,
+        )
+    with Page(title, settings) as page:
+        if given is not None:
+            LivePage(ResultPage(page), _locator(given, cell.provenance()), watch)
+        elif file is not None and file.suffix.lower() == PRIOR_SUFFIX:
             show_prior(page, file)
-        else:
+        elif file is not None:
             SavedPage(ResultPage(page), file, lambda path: _open_saved(path, scan, prior))
         notes = note_console()
         notes.print(f"open [bold]{page.url}[/] in the browser; Ctrl-C ends it", soft_wrap=True)
@@ -119,15 +134,12 @@ def _check_options(
     file: Path | None,
     *,
     live: bool,
-    prior: Path | None,
     hand_eye: Path | None,
     watch: Path | None,
     camera: Path | None,
 ) -> None:
     if live == (file is not None):
         raise ConfigError("give a poses.json or a .prior.npz to look at, or --live: one of them")
-    if live and prior is None:
-        raise ConfigError("--live needs --prior, the motor's .prior.npz or a folder of them")
     if not live:
         for option, value in (("--hand-eye", hand_eye), ("--watch", watch), ("--camera", camera)):
             if value is not None:
@@ -144,15 +156,7 @@ def _open_saved(path: Path, scan: Path | None, prior: Path | None) -> Shown:
     )
 
 
-def _locator(
-    prior: Path,
-    hand_eye: Path | None,
-    camera: Path | None,
-    *,
-    scan_unit: LengthUnit,
-    hand_eye_unit: LengthUnit,
-    models: Path | None,
-) -> Callable[[Path], Shown]:
+def _locator(given: LocateSettings, provenance: Mapping[str, Any]) -> Callable[[Path], Shown]:
     """Make the function that does with a scan what `boltpose locate` does.
 
     Prior and hand-eye are read for every scan again: what was corrected meanwhile counts. All are
@@ -164,36 +168,41 @@ def _locator(
     from boltpose.locate_config import LocateConfig
     from boltpose.prior.file import read_prior
     from boltpose.prior.folder import open_prior_folder
+    from boltpose.registration.config import RegistrationConfig
     from boltpose.segmentation.models import load_models
     from boltpose.viewer.result_page import Shown
 
-    networks = load_models(models)
-    read_hand_eye_of(hand_eye, None, hand_eye_unit)
-    if prior.is_dir():
-        open_prior_folder(prior)
+    networks = load_models(given.models)
+    for hand_eye in given.hand_eyes:
+        read_hand_eye_of(hand_eye, None, given.hand_eye_unit)
+    if given.prior.is_dir():
+        open_prior_folder(given.prior)
     else:
-        read_prior(prior)
-    hand_eyes = [] if hand_eye is None else [hand_eye]
+        read_prior(given.prior)
+    config = LocateConfig(
+        registration=RegistrationConfig(method=given.registration_method), tool=given.tool
+    )
 
     def locate(path: Path) -> Shown:
         seconds: dict[str, float] = {}
-        scan_camera = camera if path.suffix.lower() == ".png" else None
+        camera = given.camera if path.suffix.lower() == ".png" else None
         shots = read_shots(
             [path],
-            hand_eyes,
+            given.hand_eyes,
             [],
-            scan_unit=scan_unit,
-            hand_eye_unit=hand_eye_unit,
-            camera=scan_camera,
-            sigma=None,
+            scan_unit=given.scan_unit,
+            hand_eye_unit=given.hand_eye_unit,
+            camera=camera,
+            sigma=given.hand_eye_sigma,
         )
-        provenance = {
-            **hash_inputs([path], prior, hand_eyes, [], scan_unit=scan_unit, camera=scan_camera),
+        about = {
+            **hash_inputs(
+                [path], given.prior, given.hand_eyes, [], scan_unit=given.scan_unit, camera=camera
+            ),
             "models": dict(networks.hashes),
+            **provenance,
         }
-        call = call_locate(
-            shots, prior, networks.scene, LocateConfig(), provenance, seconds.__setitem__
-        )
+        call = call_locate(shots, given.prior, networks.scene, config, about, seconds.__setitem__)
         return Shown(
             result=call.result,
             scan=call.scan,
