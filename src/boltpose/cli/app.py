@@ -16,6 +16,7 @@ from boltpose.cli import (
     evaluate,
     export,
     export_poses,
+    journal,
     label,
     locate,
     prior_build,
@@ -47,6 +48,7 @@ synth_app = typer.Typer(help="Synthetic motors and clamps, labelled (needs the `
 config_app = typer.Typer(help="The settings of a cell, `boltpose.toml`: write, test and show them.")
 app.add_typer(config_app, name="config")
 app.add_typer(prior_app, name="prior")
+app.add_typer(journal.journal_app, name="journal")
 app.add_typer(synth_app, name="synth")
 app.add_typer(train_app, name="train")
 

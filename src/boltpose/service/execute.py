@@ -163,7 +163,7 @@ class Executor:
             )
         start = perf_counter()
         prepared = self.priors.prepared(call.priors[0])
-        on_stage("prepare prior", perf_counter() - start)
+        on_stage("open prior", perf_counter() - start)
         if len(views) == 1:
             return locate(
                 first.scan,
