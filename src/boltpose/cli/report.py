@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from boltpose.cli.console import note_console
-from boltpose.cli.outputs import check_output, remove_stale
+from boltpose.cli.options import JsonOption
+from boltpose.cli.outputs import REPORT_SUFFIXES, check_output, remove_stale
 from boltpose.errors import InputFileError
-
-REPORT_SUFFIXES = (".html", ".htm")
 
 
 def write_report_of(
@@ -32,6 +32,7 @@ def write_report_of(
         Path | None,
         typer.Option("--prior", metavar="FILE|DIR", help="The prior, if it is not where it was."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """Write one page about a result: verdict, pictures, bolts, scores; it prints on one A4 sheet.
 
@@ -49,4 +50,7 @@ def write_report_of(
     remove_stale(target)
     saved = open_saved_result(poses, scan, prior)
     write_report(target, saved.result, saved.scan, saved.prior, saved.timings_ms)
-    note_console().print(f"wrote {target}", soft_wrap=True)
+    if as_json:
+        typer.echo(json.dumps({"page": str(target), "status": saved.result.verdict.status}))
+    else:
+        note_console().print(f"wrote {target}", soft_wrap=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -22,6 +22,7 @@ from boltpose.picture.bolt_marks import (
 )
 from boltpose.picture.paint import MOTOR, PAPER, PRIOR, SURROUNDINGS, paint_finely
 from boltpose.picture.view import View, frame_subject, look_along
+from boltpose.report.legend import mark_key
 from boltpose.report.markup import Html, data_uri, join, tag
 from boltpose.report.overlay import bolt_marks, extra_marks, ribbon, scale_bar, triad, view_axes
 from boltpose.report.residual_map import KEY_PX, draw_residuals
@@ -36,7 +37,6 @@ _MOST_POINTS = 600_000
 _HEIGHT = 400
 _WIDTH_MAIN, _WIDTH_SIDE = 480, 380
 _AWAY_MM = 2000.0
-_DASHED = {"stroke": "#111", "stroke_width": 1.6, "stroke_dasharray": "3 1.5"}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -120,7 +120,9 @@ def _draw_camera(scene: _Scene) -> Html:
     alt = "The scan as the camera saw it" + (f"; bolts: {', '.join(counts)}." if counts else ".")
     return _figure(
         _canvas(view, _paint(view, scene.points, tints), join(over), alt),
-        join(["What the camera saw", _key(scene.marks, has_extra=bool(scene.result.extra_heads))]),
+        join(
+            ["What the camera saw", mark_key(scene.marks, has_extra=bool(scene.result.extra_heads))]
+        ),
     )
 
 
@@ -249,48 +251,3 @@ def _canvas(
 
 def _figure(canvas: Html, caption: Html) -> Html:
     return tag("figure", canvas, tag("figcaption", caption))
-
-
-def _key(marks: Sequence[BoltMark], *, has_extra: bool) -> Html | None:
-    """The marks in use, each with a small drawing of it."""
-    inks = [ink for ink in Ink if any(mark.ink is ink for mark in marks)]
-    entries = [
-        tag("span", _key_sign(ink), f" {ink.label.split(':', maxsplit=1)[0]}", class_="key")
-        for ink in inks
-    ]
-    if has_extra:
-        sign = tag("rect", x=7, y=1, width=10, height=10, fill="none", **_DASHED)
-        entries.append(
-            tag(
-                "span",
-                tag("svg", sign, viewBox="0 0 26 12", class_="sign", aria_hidden="true"),
-                " perhaps a bolt",
-                class_="key",
-            )
-        )
-    return join(entries) if entries else None
-
-
-def _key_sign(ink: Ink) -> Html:
-    if ink is Ink.FORBIDDEN:
-        shape = tag("path", d="M8 1l10 10m0-10l-10 10", stroke=ink.color, stroke_width=3)
-    else:
-        shape = join(
-            [
-                tag(
-                    "path",
-                    d="M1 6h17",
-                    stroke=ink.color,
-                    stroke_width=2.4,
-                    stroke_dasharray="4 2" if ink is Ink.HIDDEN else None,
-                ),
-                tag(
-                    "path",
-                    d="M16 1.5l9 4.5l-9 4.5z",
-                    stroke=ink.color,
-                    stroke_width=1.5,
-                    fill=ink.color if ink.is_solid else "#fff",
-                ),
-            ]
-        )
-    return tag("svg", shape, viewBox="0 0 26 12", class_="sign", aria_hidden="true")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,6 +55,13 @@ def test_the_page_is_that_of_the_saved_result(run: Run, cell: Cell, poses: Path)
 def test_the_page_stands_beside_the_result_by_default(run: Run, poses: Path) -> None:
     assert run("report", poses).code == 0
     assert poses.with_suffix(".html").read_text("utf-8").startswith("<!doctype html>")
+
+
+def test_json_says_where_the_page_is_and_what_it_says(run: Run, cell: Cell, poses: Path) -> None:
+    outcome = run("report", poses, "-o", cell.folder / "out.html", "--json")
+
+    assert json.loads(outcome.out) == {"page": str(cell.folder / "out.html"), "status": "ok"}
+    assert outcome.err == ""
 
 
 def test_another_scan_under_a_result_is_refused_and_leaves_no_old_page(
