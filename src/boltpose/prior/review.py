@@ -101,11 +101,6 @@ class ReviewSession:
         """Whether an edit was undone, and none made since."""
         return bool(self._undone)
 
-    @property
-    def next_redo(self) -> Edit | None:
-        """The edit that `redo` would make."""
-        return self._undone[-1] if self._undone else None
-
     def do(self, edit: Edit) -> PriorBolt | None:
         """Make an edit.
 

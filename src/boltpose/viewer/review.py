@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from boltpose.errors import ConfigError
@@ -33,6 +34,10 @@ from boltpose.viewer.review_texts import (
 )
 from boltpose.viewer.review_view import look_from
 
+_SETTLE_S = 0.15
+"""The browser sends what is typed up to 50 ms late, so a button may be heard of first."""
+_PATIENCE_S = 2.0
+"""After Enter it is waited so long for something typed: a browser that draws slowly is later."""
 _SAME_SIZE_MM = 0.5
 """Heads whose spanner sizes differ by less take the same tool; sizes are 1 mm apart or more."""
 
@@ -118,7 +123,12 @@ class ReviewPage:
     def set_words(self) -> None:
         """Take over name, tool and turn as typed."""
         self._bolt()
-        self._set_typed()
+        self._set_typed(_PATIENCE_S)
+        self._refresh()
+
+    def set_words_of(self, bolt_id: str) -> None:
+        """Take over what was typed for a bolt that is no longer at hand."""
+        self._set_words_of(bolt_id)
         self._refresh()
 
     def take_next_turn(self) -> None:
@@ -148,6 +158,7 @@ class ReviewPage:
 
     def undo(self) -> None:
         """Take the last edit back, and look at the bolt it was about."""
+        self._set_typed()
         before = self.session.prior
         self.session.undo()
         self._after_history(before)
@@ -220,19 +231,32 @@ class ReviewPage:
             return order[0] if order else None
         return order[(order.index(bolt_id) + 1) % len(order)]
 
-    def _set_typed(self) -> None:
-        """Make edits of what was typed, one for each field that changed."""
-        if self._chosen is None or not self._panel.has_typed:
+    def _set_typed(self, patience_s: float = _SETTLE_S) -> None:
+        """Make edits of what was typed for the bolt at hand."""
+        if self._chosen is None:
             return
-        bolt, words = self._bolt(), self._panel.words
+        deadline = time.monotonic() + patience_s
+        time.sleep(min(_SETTLE_S, patience_s))
+        while self._panel.typed(self._chosen) is None and time.monotonic() < deadline:
+            time.sleep(_SETTLE_S)
+        if patience_s > _SETTLE_S:
+            time.sleep(_SETTLE_S)  # the other fields come along
+        self._set_words_of(self._chosen)
+
+    def _set_words_of(self, bolt_id: str) -> None:
+        """One edit for each field that changed."""
+        words = self._panel.typed(bolt_id)
+        bolt = next((entry for entry in self.session.prior.bolts if entry.id == bolt_id), None)
+        if words is None or bolt is None:
+            return
         turn = _as_turn(words.turn)
         if clean_words(words.name, "a name") != bolt.name:
-            self.session.do(NameBolt(bolt=bolt.id, name=words.name))
+            self.session.do(NameBolt(bolt=bolt_id, name=words.name))
         if clean_words(words.tool, "a tool") != bolt.tool:
-            self.session.do(SetTool(bolts=(bolt.id,), tool=words.tool))
+            self.session.do(SetTool(bolts=(bolt_id,), tool=words.tool))
         if turn != bolt.order:
             self._set_turn(bolt, turn)
-        self._panel.show_words(_words_of(self._bolt()))
+        self._panel.settle(bolt_id, _words_of(self.session.prior.bolt(bolt_id)))
 
     def _set_turn(self, bolt: PriorBolt, turn: int | None) -> None:
         """A turn that another bolt has is exchanged: taking one away is no one's wish."""
@@ -268,28 +292,37 @@ class ReviewPage:
                 bolt.prior_from_bolt.translation_mm, look_from(self.session.prior, bolt)
             )
 
+    def _state(self) -> str:
+        if not self.session.has_unsaved:
+            return "saved" if self.saved else "nothing changed yet"
+        taken_up = self.session.resumed_edits
+        more = f"; {taken_up} edits of an earlier review were taken up" if taken_up else ""
+        return f"not saved yet; nothing is lost if you close this page{more}"
+
     def _refresh(self) -> None:
         session, prior = self.session, self.session.prior
         bolt = next((entry for entry in prior.bolts if entry.id == self._chosen), None)
         with self.page.server.atomic():
             self._scene.show(prior)
             self._scene.bolts.choose(self._chosen)
-            self.page.headline.content = headline(
-                prior,
-                has_unsaved=session.has_unsaved,
-                is_adding=self._is_adding,
-                resumed=session.resumed_edits,
+            # str: viser sends plain text only
+            self.page.headline.content = str(
+                headline(
+                    prior,
+                    state=self._state(),
+                    is_adding=self._is_adding,
+                )
             )
-            self._panel.card.content = bolt_card(prior, self._chosen)
-            self._panel.table.content = bolt_table(prior, self._chosen)
+            self._panel.card.content = str(bolt_card(prior, self._chosen))
+            self._panel.table.content = str(bolt_table(prior, self._chosen))
             self._panel.show_choices(choices(prior), self._chosen)
-            self._panel.show_words(_words_of(bolt))
+            self._panel.forget_all_but([entry.id for entry in prior.bolts])
+            self._panel.show_words(self._chosen, _words_of(bolt))
             self._panel.show_adding(self._is_adding)
             self._panel.enable(
                 has_bolt=bolt is not None,
                 can_confirm=bolt is not None and not bolt.is_sure,
                 undo=edit_words(session.edits[-1]) if session.edits else None,
-                redo=edit_words(session.next_redo) if session.next_redo is not None else None,
                 save=session.has_unsaved,
             )
 

@@ -28,8 +28,14 @@ def unsure_count(prior: Prior) -> int:
     return sum(not bolt.is_sure for bolt in prior.bolts)
 
 
-def headline(prior: Prior, *, has_unsaved: bool, is_adding: bool, resumed: int) -> Html:
-    """On top of the panel: how far the review is, and what the next click does."""
+def headline(prior: Prior, *, state: str, is_adding: bool) -> Html:
+    """On top of the panel: how far the review is, and what the next click does.
+
+    Args:
+        prior: As it is now.
+        state: Whether it is saved, in words.
+        is_adding: The next click adds a bolt.
+    """
     left = unsure_count(prior)
     if is_adding:
         kind, word, text = "busy", "CLICK", "Click on the head that was missed."
@@ -40,10 +46,6 @@ def headline(prior: Prior, *, has_unsaved: bool, is_adding: bool, resumed: int) 
     else:
         kind, word = "ok", "All sure"
         text = f"{len(prior.bolts)} bolts, each of them sure. Is one missing? Add it. Then save."
-    state = "not saved yet; nothing is lost if you close this page" if has_unsaved else "saved"
-    notes = [f"prior {clip(prior.name, 60)}: {state}"]
-    if resumed and has_unsaved:
-        notes.append(f"{resumed} edits of an earlier review were taken up")
     return join(
         [
             STYLE,
@@ -53,7 +55,7 @@ def headline(prior: Prior, *, has_unsaved: bool, is_adding: bool, resumed: int) 
                     "div",
                     tag("b", word),
                     tag("span", text),
-                    *(tag("span", note, class_="of") for note in notes),
+                    tag("span", f"prior {clip(prior.name, 60)}: {state}", class_="of"),
                     class_=f"verdict {kind}",
                     role="status",
                 ),
