@@ -60,7 +60,7 @@ def notices(result: LocateResult) -> list[Html]:
                 is_danger=True,
             )
         )
-    if result.frame != "base":
+    if result.frame != "base" and (result.bolts or result.extra_heads):
         found.append(
             _notice(
                 "NOT ROBOT COORDINATES.",

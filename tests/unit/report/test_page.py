@@ -159,6 +159,11 @@ def test_a_result_in_the_cameras_frame_warns_before_all_else(prior: Prior, scan:
     assert any("NOT ROBOT COORDINATES" in title.text for title in page.all("h2"))
 
 
+def test_a_refusal_without_hand_eye_has_no_coordinates_to_warn_of(prior: Prior, scan: Scan) -> None:
+    result = replace(results.refused(prior), frame="camera", base_from_camera=None)
+    assert notices(parse(render_report(result, scan, prior))) == []
+
+
 def test_an_ok_that_its_own_scores_deny_is_told_not_to_be_used(prior: Prior, scan: Scan) -> None:
     result = results.located(prior)
     scores = {**result.verdict.scores, "free_space_violation": 0.5}
