@@ -206,7 +206,8 @@ class ReviewPage:
         assert made is not None  # both edits make one
         is_good, text = measured_words(made)
         self.page.tell("good" if is_good else "error", title, text, 12.0)
-        self._select(made.id)
+        # the view stays: the person is looking there, and a guess may look into the motor
+        self._select(made.id, moves_view=False)
 
     def _do(self, edit: Edit) -> None:
         self.session.do(edit)
@@ -280,13 +281,13 @@ class ReviewPage:
             gone = self._chosen not in {bolt.id for bolt in after.bolts}
             self._select(self._next_after(None) if gone else self._chosen)
 
-    def _select(self, bolt_id: str | None) -> None:
+    def _select(self, bolt_id: str | None, *, moves_view: bool = True) -> None:
         if bolt_id is not None and bolt_id not in {bolt.id for bolt in self.session.prior.bolts}:
             bolt_id = None
         is_other = bolt_id != self._chosen
         self._chosen = bolt_id
         self._refresh()
-        if bolt_id is not None and is_other:
+        if bolt_id is not None and is_other and moves_view:
             bolt = self._bolt()
             self.page.look_at(
                 bolt.prior_from_bolt.translation_mm, look_from(self.session.prior, bolt)

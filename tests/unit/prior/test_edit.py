@@ -4,11 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from boltpose.errors import ConfigError
-from boltpose.prior.edit import ADDED, CONFIRMED, EditConfig, add_bolt, confirm_bolt, remove_bolt
-from boltpose.schema import Prior
-from tests.support import reman18
+from boltpose.prior.edit import (
+    ADDED,
+    CONFIRMED,
+    FLIPPED,
+    EditConfig,
+    add_bolt,
+    confirm_bolt,
+    flip_bolt,
+    remove_bolt,
+)
+from boltpose.schema import Prior, Side
+from tests.support import records, reman18
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +86,88 @@ def test_confirming_makes_sure_and_keeps_the_numbers(prior: Prior) -> None:
     assert bolt.remarks == ("little flank", CONFIRMED)
     assert bolt.sigma_lateral_mm == prior.bolt("T1").sigma_lateral_mm
     assert confirm_bolt(confirm_bolt(doubted, "T1"), "T1").bolt("T1").remarks == bolt.remarks
+
+
+@pytest.mark.parametrize("beside", [(0.0, 0.0, 0.0), (4.5, 0.0, -0.5), (-2.0, 4.0, -2.5)])
+def test_a_click_anywhere_on_a_head_means_that_head(
+    prior: Prior, beside: tuple[float, float, float]
+) -> None:
+    for bolt_id in ("T1", "B1"):
+        lost = prior.bolt(bolt_id)
+        again = add_bolt(remove_bolt(prior, bolt_id), lost.prior_from_bolt.apply(beside))
+        found = again.bolt(bolt_id)
+        x, y, z = lost.prior_from_bolt.inverse().apply(found.prior_from_bolt.translation_mm)
+        assert np.hypot(x, y) < 0.02
+        assert abs(z) < 0.02
+        assert found.is_sure
+        assert found.confidence == 1.0
+
+
+def test_the_same_click_gives_the_same_bits(prior: Prior) -> None:
+    rest, click = remove_bolt(prior, "T1"), prior.bolt("T1").prior_from_bolt.apply([2.0, 1.0, 0.0])
+    first, second = add_bolt(rest, click).bolt("T1"), add_bolt(rest, click).bolt("T1")
+    assert first.prior_from_bolt.matrix.tobytes() == second.prior_from_bolt.matrix.tobytes()
+
+
+def test_what_rests_on_the_click_alone_is_unsure_until_it_is_confirmed() -> None:
+    cloud = records.prior()
+    added = add_bolt(cloud, cloud.points[7])
+    (bolt,) = (b for b in added.bolts if b.id not in {"T1", "B1"})
+    assert not bolt.is_sure
+    assert bolt.confidence < 0.2
+    assert confirm_bolt(added, bolt.id).bolt(bolt.id).is_sure
+
+
+@given(seed=st.integers(0, 2**32 - 1), height_mm=st.floats(0.5, 20.0), is_top=st.booleans())
+def test_a_flipped_head_stays_where_it_is_and_looks_the_other_way(
+    seed: int, height_mm: float, is_top: bool
+) -> None:
+    bolt_id = "T1" if is_top else "B1"
+    bolt = replace(
+        records.prior_bolt(bolt_id, seed=seed),
+        head_height_mm=height_mm,
+        name="n",
+        tool="t",
+        order=3,
+    )
+    before = replace(records.prior(bolt), points=np.zeros((0, 3)), normals=np.zeros((0, 3)))
+    before = replace(before, labels=np.zeros(0, dtype=np.uint8))
+
+    (turned,) = flip_bolt(before, bolt_id).bolts
+
+    assert turned.id == ("B1" if is_top else "T1")
+    assert turned.side is (Side.BOTTOM if is_top else Side.TOP)
+    assert (turned.name, turned.tool, turned.order) == ("n", "t", 3)
+    assert not turned.is_sure
+    assert turned.sigma_axial_mm >= EditConfig().unfitted_sigma_mm
+    old, new = bolt.prior_from_bolt, turned.prior_from_bolt
+    np.testing.assert_allclose(new.z_axis, -old.z_axis, atol=1e-12)
+    np.testing.assert_allclose(
+        new.translation_mm, old.translation_mm - height_mm * old.z_axis, atol=1e-9
+    )
+    assert np.linalg.det(new.rotation) == pytest.approx(1.0)
+    # every point of the head is in the head still
+    middle = [0.0, 0.0, -height_mm / 2]
+    np.testing.assert_allclose(new.apply(middle), old.apply(middle), atol=1e-9)
+    (back,) = flip_bolt(flip_bolt(before, bolt_id), turned.id).bolts
+    np.testing.assert_allclose(back.prior_from_bolt.matrix, old.matrix, atol=1e-9)
+
+
+def test_a_bolt_on_the_wrong_side_is_measured_where_its_head_is(prior: Prior) -> None:
+    right = prior.bolt("B1")
+    wrong = flip_bolt(replace(prior, bolts=(right,)), "B1")
+    assert not wrong.bolts[0].is_sure
+
+    (again,) = flip_bolt(wrong, wrong.bolts[0].id).bolts
+
+    assert again.is_sure
+    assert FLIPPED in again.remarks
+    gap = again.prior_from_bolt.translation_mm - right.prior_from_bolt.translation_mm
+    assert np.linalg.norm(gap) < 0.02
+
+
+def test_a_bolt_is_not_flipped_onto_another(prior: Prior) -> None:
+    right = prior.bolt("B1")
+    wrong = flip_bolt(replace(prior, bolts=(right,)), "B1").bolts[0]
+    with pytest.raises(ConfigError, match="bolt B1 is already at the other side of T1"):
+        flip_bolt(replace(prior, bolts=(right, replace(wrong, id="T1"))), "T1")
