@@ -99,7 +99,7 @@ def test_scans_are_dropped_into_the_page_and_written_to_a_folder(
     bad = tmp_path / "bad.ply"
     bad.write_bytes(b"no scan at all")
     with (
-        open_tab() as tab,
+        open_tab(900, 620) as tab,
         served(
             "--live",
             *("--prior", str(prior)),
@@ -158,7 +158,7 @@ def test_a_saved_result_is_shown_and_goes_when_it_is_removed(prior: Path, tmp_pa
     locate = ["locate", str(SCAN), "--prior", str(prior), "-o", str(poses)]
     locate += ["--camera", str(DEMO / "scene_camera.json")]
     assert main([*locate, "--hand-eye", str(DEMO / "hand_eye.yaml")]) == 0
-    with open_tab() as tab, served(str(poses)) as (url, _):
+    with open_tab(900, 620) as tab, served(str(poses)) as (url, _):
         opened(tab, url)
         says(tab, "OK")
         until(tab, tmp_path, lambda image: edges(image) > 2, "the scan")

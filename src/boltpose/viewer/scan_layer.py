@@ -24,6 +24,11 @@ _STILL_S = 0.25
 _PORTION = 200_000
 """So many points are sent before the view is looked at again."""
 
+_QUICK_S = 0.2
+"""A browser that answers sooner can draw more points; with a graphics card it is 0.02 s."""
+_TRIES = 4
+"""A browser that has just opened the page is slow for another reason: it is asked again."""
+
 ColorOf = Callable[[IntArray], UInt8Array]
 """Colours, shape (K, 3), of rows of the scan, shape (K,)."""
 
@@ -51,6 +56,11 @@ class _Viewer:
     """When its view turned last, seconds of the monotonic clock."""
     sent_bytes: int = 0
     """Of points and colours."""
+    cap: int = FINE
+    """The finest level that this computer draws quickly, as far as is known."""
+    is_fresh: bool = False
+    """True while nobody knows yet how it copes with what it was sent last."""
+    tries: int = 0
 
 
 class ScanLayer:
@@ -186,6 +196,7 @@ class ScanLayer:
         if viewer.content is not content:
             self._remove_all(viewer)
             viewer.content, viewer.color_of = content, color_of
+            viewer.cap, viewer.is_fresh, viewer.tries = FINE, True, 0
         if content is None or color_of is None:
             return 60.0
         if viewer.color_of is not color_of:
@@ -200,13 +211,17 @@ class ScanLayer:
         levels = wanted_levels(
             content.detail, _sight(viewer.client), self._config, is_moving=still_in > 0
         )
-        if self._is_light:
-            levels = [COARSE] * len(tiles)
+        cap = COARSE if self._is_light else viewer.cap
+        levels = [min(level, cap) for level in levels]
         if still_in > 0:
             # only what is there already: nothing is sent while the view turns
             levels = [min(a, b) for a, b in zip(levels, _held(viewer, len(tiles)), strict=True)]
             self._draw(viewer, content, levels)
             return still_in
+        if viewer.is_fresh and not self._is_light:
+            again_in = self._judge(viewer, content)
+            if again_in is not None:
+                return again_in
         missing = [
             (tile, level)
             for level in (MIDDLE, FINE)
@@ -218,7 +233,28 @@ class ScanLayer:
         self._send(viewer, content, color_of, portion)
         held = _held(viewer, len(tiles))
         self._draw(viewer, content, [min(a, b) for a, b in zip(levels, held, strict=True)])
-        return 60.0 if len(portion) == len(missing) else 0.0
+        viewer.is_fresh = viewer.is_fresh or bool(portion)
+        return 0.0 if portion else 60.0
+
+    def _judge(self, viewer: _Viewer, content: _Content) -> float | None:
+        """See how quickly a browser answers; if slowly, let it draw less.
+
+        Returns:
+            When to look again, seconds; None if it may have more.
+        """
+        if _delay_s(viewer.client) < _QUICK_S:
+            viewer.is_fresh = False
+            return None
+        drawn = max(viewer.levels, default=COARSE)
+        if drawn > COARSE:
+            viewer.cap = drawn - 1
+            self._draw(viewer, content, [min(level, viewer.cap) for level in viewer.levels])
+            return 0.5
+        viewer.tries += 1
+        if viewer.tries < _TRIES:
+            return 1.0
+        viewer.cap, viewer.is_fresh = COARSE, False
+        return 60.0
 
     def _send(
         self,
@@ -293,6 +329,23 @@ class ScanLayer:
                 if node is not None:
                     node.remove()
         viewer.nodes, viewer.levels = {}, []
+
+
+def _delay_s(client: viser.ClientHandle) -> float:
+    """How long a browser takes to answer, between two pictures; the shortest of a few, seconds."""
+    shortest = float("inf")
+    for _ in range(3):
+        start = time.monotonic()
+        try:
+            client.local_storage.get_item("boltpose", timeout=5 * _QUICK_S)
+        except TimeoutError:
+            continue
+        except RuntimeError:
+            pass  # a browser that keeps no storage answers too; one that has gone needs no points
+        shortest = min(shortest, time.monotonic() - start)
+        if shortest < _QUICK_S:
+            break
+    return shortest
 
 
 def _held(viewer: _Viewer, count: int) -> list[int]:
