@@ -68,6 +68,10 @@ class Check(StrEnum):
     """Nothing, or next to nothing, in the scan looks like a motor."""
     TOO_FEW_POINTS = "too_few_points"
     """Part of a motor, but too little of it to register."""
+    UNKNOWN_MOTOR = "unknown_motor"
+    """None of the known motors fits, or two fit equally well."""
+    VIEWS_DISAGREE = "views_disagree"
+    """Views of one clamping put the motor in different places: it moved, or a hand-eye is wrong."""
     EXPLAINED = "wrong_motor"
     """What was taken for the motor does not lie on the posed prior: another motor, or none."""
     FREE_SPACE = "free_space_violated"
@@ -82,10 +86,6 @@ class Check(StrEnum):
     """The points leave the pose free to slide or turn, or refinement did not settle."""
     UNLIKELY = "unlikely_pose"
     """Every single check is met, but all numbers together look like those of a wrong pose."""
-    VIEWS_DISAGREE = "views_disagree"
-    """Views of one clamping put the motor in different places: it moved, or a hand-eye is wrong."""
-    UNKNOWN_MOTOR = "unknown_motor"
-    """None of the known motors fits, or two fit equally well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,9 +12,8 @@ from boltpose.report.markup import Html, clip, join, number, percent, tag
 from boltpose.report.scores import missed_although_ok
 from boltpose.schema import Check, LocatedBolt, LocateResult, Visibility
 
-_ORDER = list(dict.fromkeys([Check.UNKNOWN_MOTOR, Check.VIEWS_DISAGREE, *Check]))
-"""What to look at first. Where no known motor fits, and where views disagree, the other reasons are
-about a pose that was never meant to hold."""
+_ORDER = list(Check)
+"""What to look at first."""
 
 
 def banner(result: LocateResult, scan_source: str) -> Html:
