@@ -52,7 +52,7 @@ def review(
     notes = note_console()
     with ReviewSession.open(prior, discard=discard) as session:
         if session.resumed_edits:
-            notes.print(f"{session.resumed_edits} edits of an earlier review are taken up")
+            notes.print(f"edits of an earlier review taken up: {session.resumed_edits}")
         review_page = ReviewPage(session, config, by=by, date=date, output=output)
         with review_page.page as page:
             notes.print(f"review of {prior} at {page.url}; Ctrl-C ends it", soft_wrap=True)
@@ -71,5 +71,5 @@ def review(
         notes.print(f"wrote {path}", soft_wrap=True)
     if unsaved:
         notes.print(
-            f"{unsaved} edits are not saved; the same command goes on with them", soft_wrap=True
+            f"edits not saved: {unsaved}; the same command goes on with them", soft_wrap=True
         )

@@ -151,7 +151,7 @@ def _open_locked(path: Path) -> int:
         if not _try_lock(fd):
             os.close(fd)
             raise InputFileError(
-                path, "that another review of this prior is open", "one review at a time"
+                path, "another open review of this prior", "one at a time"
             )
         # the one who held it before may have removed it just before letting go
         if _is_same(fd, path):

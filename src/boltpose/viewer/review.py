@@ -297,7 +297,7 @@ class ReviewPage:
         if not self.session.has_unsaved:
             return "saved" if self.saved else "nothing changed yet"
         taken_up = self.session.resumed_edits
-        more = f"; {taken_up} edits of an earlier review were taken up" if taken_up else ""
+        more = f"; edits of an earlier review taken up: {taken_up}" if taken_up else ""
         return f"not saved yet; nothing is lost if you close this page{more}"
 
     def _refresh(self) -> None:

@@ -67,7 +67,7 @@ def test_a_prior_under_review_is_not_replaced(run: Run, cell: Cell) -> None:
     with ReviewSession.open(cell.prior) as session:
         outcome = run("prior", "edit", cell.prior, "--remove", "T1")
         assert outcome.code == ExitCode.BAD_INPUT
-        assert "another review of this prior is open" in outcome.err
+        assert "another open review of this prior" in outcome.err
         session.do(ConfirmBolt(bolt="B1"))
     outcome = run("prior", "edit", cell.prior, "--remove", "T1")
     assert outcome.code == ExitCode.BAD_INPUT

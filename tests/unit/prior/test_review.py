@@ -275,7 +275,7 @@ def test_edits_of_another_version_are_not_taken_up(path: Path) -> None:
 def test_two_reviews_of_one_prior_at_a_time_are_refused(path: Path) -> None:
     with ReviewSession.open(path) as first:
         first.do(ConfirmBolt(bolt="B1"))
-        with pytest.raises(InputFileError, match="another review of this prior is open"):
+        with pytest.raises(InputFileError, match="another open review of this prior"):
             ReviewSession.open(path)
     with ReviewSession.open(path) as again:
         assert again.resumed_edits == 1
