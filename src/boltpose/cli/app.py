@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
+import signal
 import sys
-from collections.abc import Sequence
-from typing import Annotated
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -33,14 +37,17 @@ from boltpose.cli import (
     train,
     view,
 )
+from boltpose.cli.console import OUTPUT
 from boltpose.cli.exit_codes import ExitCode
+from boltpose.cli.manners import add_manners
 from boltpose.errors import BoltposeError
 
 app = typer.Typer(
     name="boltpose",
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
-    epilog="Exit codes: 0 ok, 2 bad input, 3 pose refused, 130 interrupted.",
+    epilog="Exit codes: 0 ok, 2 bad input, 3 pose refused, 130 interrupted, "
+    "143 terminated. Every command has --json and --quiet. Start: boltpose demo",
 )
 prior_app = typer.Typer(help="Build, look at and correct what is known of a motor beforehand.")
 train_app = typer.Typer(help="Train the networks (needs the `train` extra).")
@@ -113,26 +120,63 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code, see `ExitCode`. Anything that is not the user's doing is not caught: a
         traceback is what a bug report needs.
     """
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    OUTPUT.reset()
     command = typer.main.get_command(app)
+    add_manners(command)
     try:
-        code = command.main(
-            args=None if arguments is None else list(arguments),
-            prog_name="boltpose",
-            standalone_mode=False,
-        )
+        with _terminable():
+            code = command.main(args=given, prog_name="boltpose", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk or a closed pipe is still an error of ours
-    except (BrokenPipeError, SystemExit):
+    except (BrokenPipeError, SystemExit) as error:
+        if isinstance(error, SystemExit) and not error.code:
+            return ExitCode.OK  # how typer ends after shell completion
         # the reader (`| head`) has gone, and typer would end the process with a code of its own;
         # without the next line Python complains once more while it ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.BAD_INPUT
     except (BoltposeError, OSError, typer.TyperException) as error:
-        typer.echo(f"boltpose: {_one_line(error)}", err=True)
-        return ExitCode.BAD_INPUT
+        return _tell(_one_line(error), ExitCode.BAD_INPUT, given)
     except (KeyboardInterrupt, typer.Abort):
-        typer.echo("boltpose: interrupted", err=True)
-        return ExitCode.INTERRUPTED
+        return _tell("interrupted", ExitCode.INTERRUPTED, given)
+    except _TerminatedError:
+        return _tell("terminated", ExitCode.TERMINATED, given)
     return code if isinstance(code, int) else ExitCode.OK
+
+
+class _TerminatedError(BaseException):
+    """SIGTERM came; no Exception, so that nothing but `main` catches it."""
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let SIGTERM unwind the stack, so that half-written files go as they do after Ctrl-C."""
+    is_main = threading.current_thread() is threading.main_thread()
+    if not is_main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    owner = os.getpid()
+
+    def end(number: int, frame: object) -> NoReturn:
+        del frame
+        if os.getpid() != owner:  # a forked worker: it dies as it would have without us
+            os._exit(128 + number)
+        raise _TerminatedError
+
+    signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _tell(text: str, code: ExitCode, arguments: Sequence[str]) -> ExitCode:
+    """Say why there is no answer: a line on stderr, and with `--json` a document on stdout."""
+    typer.echo(f"boltpose: {text}", err=True)
+    if "--json" in arguments:
+        error = {"message": text, "exit_code": int(code)}
+        typer.echo(json.dumps({"error": error}, indent=2))
+    return code
 
 
 def _one_line(error: BaseException) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
+import typer
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -12,14 +15,38 @@ TABLE_WIDTH = 116
 """Columns a table of bolts needs; a narrower terminal wraps lines rather than cut off numbers."""
 
 
+@dataclass(slots=True)
+class Output:
+    """How the running command talks; `main` sets it anew for every command line."""
+
+    is_quiet: bool = False
+    """No notes and no progress; warnings and errors stay."""
+    is_json: bool = False
+    """Stdout is for one JSON document."""
+
+    def reset(self) -> None:
+        """Talk as by default."""
+        self.is_quiet = self.is_json = False
+
+
+OUTPUT = Output()
+
+
 def answer_console() -> Console:
     """Return the console of stdout; colour only on a terminal, NO_COLOR is honoured."""
-    return _at_least_wide(Console(highlight=False))
+    return _at_least_wide(Console(highlight=False, quiet=OUTPUT.is_json))
 
 
 def note_console() -> Console:
-    """Return the console of stderr."""
-    return _at_least_wide(Console(stderr=True, highlight=False))
+    """Return the console of stderr; silent with `--quiet`, so not for warnings and errors."""
+    return _at_least_wide(Console(stderr=True, highlight=False, quiet=OUTPUT.is_quiet))
+
+
+def answer_json(answer: Any) -> bool:
+    """Print an answer as JSON if that is asked for, and say whether it was."""
+    if OUTPUT.is_json:
+        typer.echo(json.dumps(answer, indent=2))
+    return OUTPUT.is_json
 
 
 def _at_least_wide(console: Console) -> Console:
@@ -29,8 +56,9 @@ def _at_least_wide(console: Console) -> Console:
 
 def warn(text: str) -> None:
     """Say something that must not be overlooked; one line on stderr, whatever stdout carries."""
-    console = note_console()
-    console.print(f"[bold yellow]warning:[/] {text}", soft_wrap=True)
+    console = _at_least_wide(Console(stderr=True, highlight=False))
+    console.print("[bold yellow]warning:[/] ", end="")
+    console.print(text, soft_wrap=True, markup=False)
 
 
 class LiveProgress:
@@ -67,7 +95,7 @@ class StageProgress(LiveProgress):
             TimeElapsedColumn(),
             console=console,
             transient=True,
-            disable=quiet or not console.is_terminal,
+            disable=quiet or OUTPUT.is_quiet or not console.is_terminal,
         )
         self._task = self._progress.add_task(title, total=None)
         self.seconds: dict[str, float] = {}

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import answer_json, note_console
 from boltpose.errors import InputFileError
 
 DEMO_FOLDER = Path(__file__).resolve().parent.parent / "demo"
@@ -25,7 +25,6 @@ def run_demo(
         raise InputFileError(output, "a file", "a folder for the results")
     output.mkdir(parents=True, exist_ok=True)
 
-    from boltpose.cli.locate import locate_bolts
     from boltpose.cli.prior_build import build
 
     notes = note_console()
@@ -36,6 +35,17 @@ def run_demo(
     )
     build(scan, prior, picture=output / "prior.png", name="demo motor")
     notes.print("\n[bold]2. boltpose locate[/]   (once per clamped motor)")
+    try:
+        _locate(prior, output)
+    finally:  # also of a refusal
+        poses = output / "poses.json"
+        if poses.exists():
+            answer_json({"poses": str(poses), "report": str(output / "report.html")})
+
+
+def _locate(prior: Path, output: Path) -> None:
+    from boltpose.cli.locate import locate_bolts
+
     locate_bolts(
         [DEMO_FOLDER / "000002.png"],
         prior,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.outputs import check_output
 
 REPORT_SUFFIXES = (".md",)
@@ -88,6 +88,7 @@ def evaluate(
     )
     draw_trust(records.parent, report)
     write_report(report, text)
+    answer_json({"report": str(report), "motors": len(measured)})
     answer_console().print(cli_summary(measured))
     note_console().print(f"wrote {report}", soft_wrap=True)
 
@@ -98,5 +99,6 @@ def _evaluate_priors(data: Path, models: Path, motors: list[str] | None, out: Pa
 
     record = evaluate_priors(data, models, motors=motors, console=note_console())
     write_priors(out, record)
+    answer_json({"priors": str(out)})
     answer_console().print(priors_summary(record))
     note_console().print(f"wrote {out}", soft_wrap=True)

@@ -16,3 +16,5 @@ class ExitCode(IntEnum):
     """The scan was read but no pose is given; the reasons are in the output."""
     INTERRUPTED = 130
     """Ctrl-C."""
+    TERMINATED = 143
+    """SIGTERM; files that were being written are gone, as after Ctrl-C."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.outputs import check_output
 from boltpose.errors import MissingExtraError
 
@@ -40,6 +40,16 @@ def export_network(
     report = export_run(run, output, half=half)
     found = report.agreement
     sizes = ", ".join(f"{clouds} x {points}" for clouds, points in report.sizes)
+    answer_json(
+        {
+            "file": str(report.path),
+            "kind": report.kind,
+            "backbone": report.backbone,
+            "bytes": report.file_bytes,
+            "largest_difference": float(found.largest),
+            "same_labels": float(found.same_label),
+        }
+    )
     answer_console().print(
         f"{report.path}: {report.kind}, {report.backbone}, {report.file_bytes / 1e6:.2f} MB\n"
         f"class probabilities differ by at most {found.largest:.1e} from the network, at 99 % of "

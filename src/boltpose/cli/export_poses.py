@@ -218,8 +218,6 @@ def export_poses(
 
     A refused result, and one that leaves no bolt, gives no file and exit code 3; an older file
     of that name is removed. What each file holds: docs/robot-formats.md.
-
-    Example: boltpose export-poses poses.json --to kuka -o bolts.dat --approach 80
     """
     check_output(output, _suffixes(to), inputs=(poses, tcp, model_pose))
     remove_stale(output)
@@ -267,7 +265,7 @@ def export_poses(
             if not as_json:
                 _print(plan)
     except PosesRefusedError as error:
-        note_console().print(f"boltpose: {error}", soft_wrap=True, markup=False)
+        typer.echo(f"boltpose: {error}", err=True)
         if as_json:
             refusal = {"written": None, "format": to.value, "reason": str(error)}
             typer.echo(json.dumps(refusal, indent=2))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption, ModelsOption
 from boltpose.errors import ConfigError, InputFileError
@@ -104,6 +104,7 @@ def export_entry(
         shutil.copyfile(source, place)
     if found.result is not None:
         (output / "poses.json").write_text(found.result, encoding="utf-8")
+    answer_json({"written": str(output)})
     note_console().print(f"wrote {output}", markup=False, soft_wrap=True)
 
 
@@ -182,6 +183,7 @@ def report_entry(
     if found.kind != "locate" or found.result is None:
         raise ConfigError(f"{entry} has no poses.json: {found.kind} {found.state.value}")
     Executor(data).report(LocateCall.from_json(found.call), found.result, output)
+    answer_json({"written": str(output)})
     note_console().print(f"wrote {output}", markup=False, soft_wrap=True)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import StageProgress, answer_console, note_console
+from boltpose.cli.console import StageProgress, answer_console, answer_json, note_console
 from boltpose.cli.options import LengthUnit, ModelsOption
 from boltpose.cli.outputs import check_output
 from boltpose.errors import ConfigError
@@ -174,9 +174,14 @@ def _named_probabilities(probabilities: Float32Array, *, is_scene: bool) -> dict
 
 def _report(every: RawScan, answer: _Answer, target: Path, *, is_scene: bool) -> None:
     """Say how many points have which class, and where to look."""
+    import numpy as np
+
     from boltpose.cli.label_table import describe_labels
 
     confidence = None if answer.confidence is None else answer.confidence[every.is_valid]
+    found, counts = np.unique(answer.labels[every.is_valid], return_counts=True)
+    points = {str(label): int(count) for label, count in zip(found, counts, strict=True)}
+    answer_json({"file": str(target), "points_by_label": points})
     answer_console().print(
         describe_labels(answer.labels[every.is_valid], confidence, is_scene=is_scene)
     )

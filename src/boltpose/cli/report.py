@@ -34,10 +34,7 @@ def write_report_of(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write one page about a result: verdict, pictures, bolts, scores; it prints on one A4 sheet.
-
-    Example: boltpose report poses.json -o report.html
-    """
+    """Write one page about a result: verdict, pictures, bolts, scores; prints on one A4 sheet."""
     if not poses.is_file():
         raise InputFileError(poses, "no such file", "a poses.json of `boltpose locate -o`")
     target = output or poses.with_suffix(".html")

@@ -135,7 +135,7 @@ def reproduce(
     """Train and test the paper's networks, resumable run by run; several processes may share."""
     check_output(picture, (".png", ".svg", ".pdf"))
     if table is Table.TABLE1:
-        _reproduce_table1(data, out, work, report_only=report_only)
+        _reproduce_table1(data, out, work, report_only=report_only, as_json=as_json)
         return
 
     from boltpose.evaluation.study_records import read_study_records
@@ -180,7 +180,7 @@ def reproduce(
 
 
 def _reproduce_table1(
-    data: Path, out: Path | None, work: Path | None, *, report_only: bool
+    data: Path, out: Path | None, work: Path | None, *, report_only: bool, as_json: bool
 ) -> None:
     from boltpose.cli.study_progress import MotorProgress
     from boltpose.evaluation.table1_report import render_table1
@@ -200,7 +200,8 @@ def _reproduce_table1(
     text = render_table1(out)
     if not text:
         raise InputFileError(out, "no record of a motor", "the folder reproduce table1 wrote to")
-    typer.echo("\n\n".join(text))
+    table = "\n\n".join(text)
+    typer.echo(json.dumps({"markdown": table}) if as_json else table)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

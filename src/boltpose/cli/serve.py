@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from boltpose.cli.cell import ConfigOption, open_cell
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.options import ModelsOption
 
 if TYPE_CHECKING:
@@ -94,7 +94,8 @@ def serve(
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
 
     def on_ready(url: str) -> None:
-        typer.echo(f"boltpose serves {url}  (stop: Ctrl-C)")
+        if not answer_json({"url": url}):
+            typer.echo(f"boltpose serves {url}  (stop: Ctrl-C)")
         note_console().print(
             f"priors {settings.priors}, journal and inputs {settings.data}", soft_wrap=True
         )
@@ -119,14 +120,23 @@ def _change_keys(data: Path, new: str | None, remove: str | None, *, wants_list:
 
     data.mkdir(parents=True, exist_ok=True)
     ring = KeyRing(data)
+    answer: dict[str, Any] = {}
     if remove is not None:
-        note_console().print(f"removed the key of {ring.remove(remove).name}", markup=False)
+        removed = ring.remove(remove)
+        answer["removed"] = removed.name
+        note_console().print(f"removed the key of {removed.name}", markup=False)
     if new is not None:
         key = ring.add(new)
         note_console().print("this key is shown once; only its hash is kept:", markup=False)
-        typer.echo(key)
+        answer["key"] = key
+        answer_console().print(key, markup=False, soft_wrap=True)
     if wants_list:
+        answer["keys"] = [
+            {"id": entry.id, "created": str(entry.created), "name": entry.name}
+            for entry in ring.keys
+        ]
         for entry in ring.keys:
             answer_console().print(f"{entry.id}  {entry.created}  {entry.name}", markup=False)
+    answer_json(answer)
     if new is not None or remove is not None:
         note_console().print("a running service takes it after a restart", markup=False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
@@ -153,7 +153,9 @@ def _run(
                 on_sample=progress.advance,
             )
     except KeyboardInterrupt:
-        notes.print("boltpose: interrupted; whole motors are kept, the same command goes on")
+        typer.echo(
+            "boltpose: interrupted; whole motors are kept, the same command goes on", err=True
+        )
         raise typer.Exit(ExitCode.INTERRUPTED) from None
     if preview:
         from boltpose.synthesis.preview import write_previews
@@ -162,6 +164,7 @@ def _run(
             notes.print(f"wrote {path}", soft_wrap=True)
     card = write_card(output)
     notes.print(f"wrote {card}", soft_wrap=True)
+    answer_json({"folder": str(output), "made": done.made, "kept": done.kept})
     answer_console().print(
         f"{done.made} made, {done.kept} were there; {done.retries} draws made again"
         + (f"; {progress.summary()}" if done.made else ""),

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.outputs import POSES_SUFFIXES, check_output
 from boltpose.errors import ConfigError, InputFileError
 
@@ -34,6 +34,13 @@ def synth_model(
     notes = note_console()
     for path in written.files:
         notes.print(f"wrote {path}", soft_wrap=True)
+    answer_json(
+        {
+            "files": [str(path) for path in written.files],
+            "prior": str(written.prior),
+            "bolts": written.bolt_count,
+        }
+    )
     answer_console().print(
         f"'{chosen.name}': {written.bolt_count} bolts, {written.part_count} parts; "
         f"locate it with --prior {written.prior}",
@@ -62,6 +69,7 @@ def synth_spec(
         typer.echo(chosen.model_dump_json(indent=1))
         return
     write_spec(output, chosen)
+    answer_json({"files": [str(output)]})
     note_console().print(f"wrote {output}", soft_wrap=True)
 
 
@@ -70,6 +78,7 @@ def synth_families() -> None:
     from boltpose.factory.families import FAMILIES
     from boltpose.factory.scene import CLAMPS
 
+    answer_json({"families": list(FAMILIES), "clamps": list(CLAMPS)})
     answer = answer_console()
     answer.print("[bold]families[/]")
     for name in FAMILIES:

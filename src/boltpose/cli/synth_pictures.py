@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.errors import InputFileError
 
 
@@ -34,4 +34,5 @@ def synth_pictures(
 
     names = tuple(name.strip() for name in only.split(",")) if only else ()
     written = write_pictures(output, seed=seed, only=names, report=report)
+    answer_json({"files": [str(path) for path in written]})
     answer_console().print(f"{len(written)} pictures in {output}", soft_wrap=True)

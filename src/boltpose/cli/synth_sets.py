@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import answer_json, note_console
 
 DataArgument = Annotated[Path, typer.Argument(metavar="DIR", help="A data set.")]
 
@@ -16,15 +16,19 @@ def synth_preview(data: DataArgument) -> None:
     """Draw contact sheets of a data set into its folder `preview`."""
     from boltpose.synthesis.preview import write_previews
 
-    for path in write_previews(data):
+    written = list(write_previews(data))
+    for path in written:
         note_console().print(f"wrote {path}", soft_wrap=True)
+    answer_json({"files": [str(path) for path in written]})
 
 
 def synth_card(data: DataArgument) -> None:
     """Write the data card, README.md, again from what is on disk."""
     from boltpose.synthesis.card import write_card
 
-    note_console().print(f"wrote {write_card(data)}", soft_wrap=True)
+    card = write_card(data)
+    note_console().print(f"wrote {card}", soft_wrap=True)
+    answer_json({"files": [str(card)]})
 
 
 def synth_compare(
@@ -37,4 +41,6 @@ def synth_compare(
     from boltpose.synthesis.statistics import read_statistics
 
     read = [read_statistics(root) for root in data]
-    typer.echo(compare_table(read, [root.resolve().name for root in data]), nl=False)
+    table = compare_table(read, [root.resolve().name for root in data])
+    if not answer_json({"markdown": table}):
+        typer.echo(table, nl=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import answer_json, note_console
 from boltpose.cli.train_progress import TrainProgress
 from boltpose.errors import ConfigError, MissingExtraError
 
@@ -186,6 +186,7 @@ def _train(
             raise
         raise MissingExtraError(str(error.name), "train") from error
     chosen = recipe or ("few" if settings["pretrained"] is None else "fine-tune")
+    answer: list[dict[str, Any]] = []
     for family in motors.families if leave_out == "each" else (leave_out,):
         job = TrainJob(
             task=task,
@@ -204,7 +205,17 @@ def _train(
         if scores is not None:
             what = f"without {family}" if test is None else f"on {test}, trained on {data}"
             console.print(describe_scores(task, what, scores), soft_wrap=True)
+            answer.append(
+                {
+                    "out": str(job.out),
+                    "overall_accuracy": float(scores.overall_accuracy),
+                    "mean_iou": float(scores.mean_iou),
+                }
+            )
+        else:
+            answer.append({"out": str(job.out)})
         console.print(f"written: {job.out}", soft_wrap=True)
+    answer_json({"runs": answer})
 
 
 def describe_scores(task: str, what: str, scores: SegmentationScores) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from boltpose.cli.cell import ConfigOption, open_cell
-from boltpose.cli.console import note_console
+from boltpose.cli.console import answer_json, note_console
 from boltpose.cli.locate_settings import LocateSettings, settle
 from boltpose.cli.options import LengthUnit, ModelsOption
 from boltpose.errors import ConfigError
@@ -75,15 +75,7 @@ def view(
     ] = False,
     config: ConfigOption = None,
 ) -> None:
-    """Show a result in the browser, or locate scans there; Ctrl-C ends it.
-
-    Examples:
-      boltpose view poses.json
-
-      boltpose view motor.prior.npz
-
-      boltpose view --live --prior motor.prior.npz --hand-eye hand_eye.yaml --watch scans/
-    """
+    """Show a result in the browser, or locate scans there; Ctrl-C ends it."""
     _check_options(file, live=live, hand_eye=hand_eye, watch=watch, camera=camera)
     cell = open_cell(config)
 
@@ -121,6 +113,7 @@ def view(
         elif file is not None:
             SavedPage(ResultPage(page), file, lambda path: _open_saved(path, scan, prior))
         notes = note_console()
+        answer_json({"url": page.url})  # while the page is there, not after
         notes.print(f"open [bold]{page.url}[/] in the browser; Ctrl-C ends it", soft_wrap=True)
         if not no_browser:
             webbrowser.open(page.url)
