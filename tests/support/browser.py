@@ -29,9 +29,12 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
 )
 
+_NOTES_PX, _SIGN_PX, _PANEL_PX = 190, 200, 400
+"""What viser's notes cover at the top, the sign at the bottom, and the panel on the right."""
+
 
 @contextmanager
-def open_tab(width: int = 1200, height: int = 800) -> Iterator[Tab]:
+def open_tab(width: int = 1000, height: int = 640) -> Iterator[Tab]:
     """A tab of a fresh browser; skips the test where there is none."""
     sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     path = shutil.which(CHROMIUM)
@@ -58,10 +61,10 @@ def drop_file(tab: Tab, selector: str, path: Path) -> None:
 
 
 def picture(tab: Tab, folder: Path, name: str) -> np.ndarray:
-    """What the tab shows right of the notes and left of the panel; shape (H, W, 3), 0 to 255."""
+    """What the tab shows of the scene between notes, sign and panel; shape (H, W, 3), 0 to 255."""
     path = folder / f"{name}.png"
     tab.screenshot(path=path)
     with Image.open(path) as image:
         pixels = np.asarray(image.convert("RGB"), dtype=np.int16)
     height, width = pixels.shape[:2]
-    return pixels[: int(0.75 * height), int(0.28 * width) : int(0.62 * width)]
+    return pixels[_NOTES_PX : height - _SIGN_PX, : width - _PANEL_PX]

@@ -70,7 +70,7 @@ class LivePage:
             order=50,
         )
         self._upload.on_upload(self._uploaded)
-        text = _READY if watch is None else f"Waiting for a scan in {watch}."
+        text = _READY if watch is None else f"Waiting for a scan in folder {watch.name or watch}."
         results.wait(Sign(kind="wait", word="Ready", text=text))
         self._watch: FolderWatch | None = None
         if watch is not None:
