@@ -50,10 +50,10 @@ class BlobStore:
             stray.unlink(missing_ok=True)
 
     def add(self, stream: BinaryIO, name: str, limit: int) -> Blob:
-        """Copy a stream into the store.
+        """Copy a stream into the store, if its bytes are not there yet.
 
         Args:
-            stream: Read to its end.
+            stream: Read to its end; can be read from any place again.
             name: What the request calls it.
             limit: Most bytes taken.
 
@@ -63,36 +63,42 @@ class BlobStore:
         """
         digest = hashlib.sha256()
         size = 0
-        temporary = self.folder / f"{secrets.token_hex(8)}.tmp"
-        try:
-            with temporary.open("xb") as target:
-                while chunk := stream.read(_CHUNK):
-                    size += len(chunk)
-                    if size > limit:
-                        raise ServiceError(
-                            413, "too_large", f"{name}: wanted at most {limit / 1e6:g} MB"
-                        )
-                    digest.update(chunk)
-                    target.write(chunk)
-                target.flush()
-                os.fsync(target.fileno())
-            place = self.path(digest.hexdigest())
-            place.parent.mkdir(exist_ok=True)
-            temporary.replace(place)
-        finally:
-            temporary.unlink(missing_ok=True)
+        begin = stream.tell()
+        while chunk := stream.read(_CHUNK):
+            size += len(chunk)
+            if size > limit:
+                raise ServiceError(413, "too_large", f"{name}: wanted at most {limit / 1e6:g} MB")
+            digest.update(chunk)
+        place = self.path(digest.hexdigest())
+        if place.is_file():
+            os.utime(place)  # young again, see `sweep`
+        else:
+            stream.seek(begin)
+            self._copy(stream, digest.hexdigest(), name)
         return Blob(name=name, sha256=digest.hexdigest(), size=size)
 
     def add_file(self, path: Path, name: str) -> Blob:
         """Copy a file of our own into the store, if its bytes are not there yet."""
         with path.open("rb") as stream:
-            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-            size = stream.tell()
-            if self.path(sha256).is_file():
-                os.utime(self.path(sha256))  # young again, see `sweep`
-                return Blob(name=name, sha256=sha256, size=size)
-            stream.seek(0)
             return self.add(stream, name, 1 << 62)
+
+    def _copy(self, stream: BinaryIO, sha256: str, name: str) -> None:
+        place = self.path(sha256)
+        temporary = self.folder / f"{secrets.token_hex(8)}.tmp"
+        digest = hashlib.sha256()
+        try:
+            with temporary.open("xb") as target:
+                while chunk := stream.read(_CHUNK):
+                    digest.update(chunk)
+                    target.write(chunk)
+                target.flush()
+                os.fsync(target.fileno())
+            if digest.hexdigest() != sha256:
+                raise ServiceError(409, "file_changed", f"{name}: it was written while it was read")
+            place.parent.mkdir(exist_ok=True)
+            temporary.replace(place)
+        finally:
+            temporary.unlink(missing_ok=True)
 
     def path(self, sha256: str) -> Path:
         """Where the bytes of a hash are, if they are there."""

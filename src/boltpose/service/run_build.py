@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import time
 from pathlib import Path
@@ -70,7 +71,7 @@ async def delete_prior(state: State, request: Request, name: str) -> str:
     entry = await asyncio.to_thread(
         state.journal.start,
         "delete",
-        '{"name": "' + blob.sha256 + '"}',
+        json.dumps({"name": name, "sha256": blob.sha256}),
         (blob,),
         client=client_of(request),
         prior=name,

@@ -71,6 +71,11 @@ class _Server(uvicorn.Server):
         if self.started and self._on_ready is not None:
             self._on_ready()
 
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().shutdown(sockets)
+        # uvicorn would raise the signal once more, but to be told to end is how a service ends
+        self._captured_signals.clear()
+
 
 def _listen(config: ServiceConfig) -> socket.socket:
     try:
