@@ -182,7 +182,16 @@ def _check_service(config: ServiceConfig) -> Iterator[Finding]:
             text = f"{config.host} port {config.port}: {reason}; is the service running?"
             yield say("port", Level.WARN, text)
     if not config.is_loopback:
-        yield say("host", Level.WARN, f"{config.host} is no loopback address: wants API keys")
+        from boltpose.service.keys import KeyRing
+
+        try:
+            count = len(KeyRing(data).keys) if data.is_dir() else 0
+        except BoltposeError as error:
+            yield say("data", Level.FAIL, str(error))
+            return
+        level = Level.OK if count else Level.FAIL
+        text = f"{config.host} is no loopback address: found {count} API keys, wanted one or more"
+        yield say("host", level, text + ("" if count else " (`boltpose serve --new-key NAME`)"))
 
 
 def _print(cell: CellFile, findings: list[Finding]) -> None:
