@@ -287,3 +287,17 @@ def test_a_broken_settings_file_leaves_no_old_poses_and_harms_no_other_file(
         assert "unknown key 'prir'" in err
     assert not old.exists()
     assert other.exists()
+
+
+def test_check_fails_where_others_reach_a_service_without_keys(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "boltpose.toml"
+    file.write_text('[service]\nhost = "0.0.0.0"\nport = 0\n')
+
+    before = run("config", "check", file)
+    run("serve", "--config", file, "--new-key", "robot")
+    after = run("config", "check", file)
+
+    assert before.code == 2
+    assert "fail [service] host" in before.out
+    assert "ok   [service] host" in after.out
+    assert "fail [service]" not in after.out
