@@ -289,15 +289,16 @@ def test_a_broken_settings_file_leaves_no_old_poses_and_harms_no_other_file(
     assert other.exists()
 
 
-def test_check_fails_where_others_reach_a_service_without_keys(run: Run, tmp_path: Path) -> None:
-    file = tmp_path / "boltpose.toml"
-    file.write_text('[service]\nhost = "0.0.0.0"\nport = 0\n')
+def test_check_fails_where_others_reach_a_service_without_keys(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    file = str(toml(tmp_path, '[service]\nhost = "0.0.0.0"\nport = 0\n'))
 
-    before = run("config", "check", file)
-    run("serve", "--config", file, "--new-key", "robot")
-    after = run("config", "check", file)
+    code, before, _ = run(capsys, "config", "check", file)
+    run(capsys, "serve", "--config", file, "--new-key", "robot")
+    _, after, _ = run(capsys, "config", "check", file)
 
-    assert before.code == 2
-    assert "fail [service] host" in before.out
-    assert "ok   [service] host" in after.out
-    assert "fail [service]" not in after.out
+    assert code == 2
+    assert "fail [service] host" in before
+    assert "ok   [service] host" in after
+    assert "fail [service]" not in after
