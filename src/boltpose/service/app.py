@@ -16,6 +16,7 @@ try:
     from fastapi.exceptions import RequestValidationError
     from fastapi.responses import JSONResponse
     from starlette.exceptions import HTTPException
+    from starlette.routing import Match
 except ImportError as error:
     raise MissingExtraError("fastapi", "service") from error
 
@@ -89,11 +90,13 @@ def _add_error_answers(app: FastAPI, state: State) -> None:
             return answer(ServiceError(503, "journal_failed", str(error), retry_after_s=5))
         return answer(as_failure(error))
 
-    async def http(_: Request, error: Exception) -> JSONResponse:
+    async def http(request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HTTPException)
         code = _HTTP_CODES.get(error.status_code, "bad_request")
         reply = answer(ServiceError(error.status_code, code, str(error.detail)))
         reply.headers.update(error.headers or {})
+        if error.status_code == 405:
+            reply.headers["Allow"] = ", ".join(_methods_of(app, request))
         return reply
 
     async def invalid(_: Request, error: Exception) -> JSONResponse:
@@ -118,3 +121,14 @@ def _add_error_answers(app: FastAPI, state: State) -> None:
     app.add_exception_handler(RequestValidationError, invalid)
     app.add_exception_handler(OSError, system)
     app.add_exception_handler(Exception, unknown)
+
+
+def _methods_of(app: FastAPI, request: Request) -> list[str]:
+    """What a path can do; the framework tells that of its first route only."""
+    known = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
+    scope = dict(request.scope)
+    return [
+        method
+        for method in known
+        if any(route.matches({**scope, "method": method})[0] is Match.FULL for route in app.routes)
+    ]

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import Request
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
@@ -36,6 +36,7 @@ def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
+UnitName = Literal["mm", "cm", "m", "inch"]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
 Texts = Annotated[list[Text], BeforeValidator(_as_list), Field(min_length=1, max_length=MAX_FILES)]
 Positive = Annotated[float, Field(gt=0, le=1e6, allow_inf_nan=False)]
@@ -48,8 +49,8 @@ class _Settings(BaseModel):
     prior: Annotated[
         Texts, Field(description="Name of the motor; several, or `*` for all: which one is it?")
     ]
-    scan_unit: Annotated[str, Field(description="mm, cm, m or inch; never guessed")] = "mm"
-    hand_eye_unit: Annotated[str, Field(description="Of hand_eye and robot_pose")] = "mm"
+    scan_unit: Annotated[UnitName, Field(description="Never guessed")] = "mm"
+    hand_eye_unit: Annotated[UnitName, Field(description="Of hand_eye and robot_pose")] = "mm"
     hand_eye_sigma_mm: Annotated[
         Positive | None, Field(description="1 sigma of the hand-eye; else from its residuals")
     ] = None
@@ -75,7 +76,7 @@ class BuildForm(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     name: Annotated[str, Field(min_length=1, max_length=100)]
-    unit: str | None = None
+    unit: UnitName | None = None
     use_labels: bool = False
     replace: bool = False
 

@@ -178,7 +178,7 @@ def _add_priors(router: APIRouter, state: State) -> None:
     @router.get(
         "/v1/priors/{name}/file",
         tags=["priors"],
-        response_class=Response,
+        response_model=None,
         responses={200: {"content": {"application/octet-stream": {}}}},
     )
     async def load_prior(name: PriorName) -> Response:  # pyright: ignore[reportUnusedFunction]
@@ -245,7 +245,7 @@ def _add_journal(router: APIRouter, state: State) -> None:
     @router.get(
         "/v1/journal/{entry}/report",
         tags=["journal"],
-        response_class=HTMLResponse,
+        response_model=None,
         responses={200: {"content": {"text/html": {}}}},
     )
     async def show_report(entry: JournalId) -> Response:  # pyright: ignore[reportUnusedFunction]
@@ -290,7 +290,7 @@ def _add_health(router: APIRouter, state: State) -> None:
     @router.get(
         "/metrics",
         tags=["health"],
-        response_class=Response,
+        response_model=None,
         responses={200: {"content": {"text/plain": {}}}},
     )
     async def metrics() -> Response:  # pyright: ignore[reportUnusedFunction]
