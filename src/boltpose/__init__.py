@@ -22,7 +22,10 @@ if TYPE_CHECKING:
     from boltpose.prior.file import read_prior, write_prior
     from boltpose.registration.library import PriorLibrary
     from boltpose.registration.prepare import prepare_prior
+    from boltpose.report import write_report
     from boltpose.results import read_poses, write_poses
+    from boltpose.robot import RobotConfig, ToolPose, plan_tool_poses
+    from boltpose.saved_result import SavedResult, open_saved_result
     from boltpose.schema import (
         BoltState,
         Check,
@@ -57,10 +60,13 @@ __all__ = [
     "Prior",
     "PriorBolt",
     "PriorLibrary",
+    "RobotConfig",
+    "SavedResult",
     "Scan",
     "Shot",
     "Side",
     "Status",
+    "ToolPose",
     "ToolTolerance",
     "Transform",
     "Verdict",
@@ -76,6 +82,8 @@ __all__ = [
     "locate",
     "locate_variant",
     "locate_views",
+    "open_saved_result",
+    "plan_tool_poses",
     "prepare_prior",
     "read_hand_eye",
     "read_poses",
@@ -84,6 +92,7 @@ __all__ = [
     "remove_bolt",
     "write_poses",
     "write_prior",
+    "write_report",
 ]
 
 _HOMES = {
@@ -99,7 +108,10 @@ _HOMES = {
     "boltpose.prior.file": ("read_prior", "write_prior"),
     "boltpose.registration.library": ("PriorLibrary",),
     "boltpose.registration.prepare": ("prepare_prior",),
+    "boltpose.report": ("write_report",),
     "boltpose.results": ("read_poses", "write_poses"),
+    "boltpose.robot": ("RobotConfig", "ToolPose", "plan_tool_poses"),
+    "boltpose.saved_result": ("SavedResult", "open_saved_result"),
     "boltpose.segmentation.models": ("Models", "load_models"),
     "boltpose.tool_fit": ("ToolTolerance",),
     "boltpose.variants": ("locate_variant",),

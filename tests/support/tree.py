@@ -30,6 +30,7 @@ HOUSE = {
     "tests": "unit (mirrors src), property, golden, e2e; helpers in support",
     "benchmarks": "timings and comparisons that are no tests",
     "examples": "run by the tests",
+    "deploy": "a systemd unit and a Containerfile for `boltpose serve`",
     "docs": "conventions, formats, results, adr (why it is so), images",
     "data": "reman18 (simulated) behind every number; models: networks per family left out",
     "results": "records of `boltpose evaluate`, one JSON per motor",
