@@ -39,6 +39,7 @@ def describe_result(result: LocateResult) -> RenderableType:
     parts: list[RenderableType] = [_verdict_panel(result), _score_table(result.verdict)]
     if result.bolts:
         parts.append(_bolt_table(result))
+    parts += [_words(bolt) for bolt in result.bolts if _has_words(bolt)]
     parts += [_remarks(bolt.id, bolt.remarks) for bolt in result.bolts if bolt.remarks]
     return Group(*parts)
 
@@ -61,7 +62,8 @@ def describe_prior(prior: Prior) -> RenderableType:
     remarks = [
         _remarks(bolt.id, bolt.remarks) for bolt in prior.bolts if bolt.is_sure and bolt.remarks
     ]
-    return Group(panel, _prior_bolt_table(prior), *remarks)
+    words = [_words(bolt) for bolt in prior.bolts if _has_words(bolt)]
+    return Group(panel, _prior_bolt_table(prior), *words, *remarks)
 
 
 def _to_look_at(prior: Prior) -> list[Text]:
@@ -72,7 +74,9 @@ def _to_look_at(prior: Prior) -> list[Text]:
     if not unsure:
         return [Text("every bolt is sure", style="green")]
     noun = "bolt" if len(unsure) == 1 else "bolts"
-    head = f"look at {len(unsure)} {noun}, then keep, confirm or remove with `boltpose prior edit`:"
+    head = (
+        f"look at {len(unsure)} {noun}, then keep, confirm or remove with `boltpose prior review`:"
+    )
     rows = [
         Text(f"  {bolt.id}: confidence {bolt.confidence:.0%}: {'; '.join(bolt.remarks)}")
         for bolt in unsure
@@ -212,6 +216,16 @@ def _numbers(values: FloatArray, form: str) -> str:
 
 def _sure(is_sure: bool) -> Text:
     return Text("yes") if is_sure else Text("NO", style="bold yellow")
+
+
+def _has_words(bolt: LocatedBolt | PriorBolt) -> bool:
+    return bool(bolt.name or bolt.tool or bolt.order is not None)
+
+
+def _words(bolt: LocatedBolt | PriorBolt) -> Text:
+    """What a person has said of a bolt in the prior's review."""
+    turn = "" if bolt.order is None else f"turn {bolt.order}"
+    return Text(f"{bolt.id}: " + ", ".join(part for part in (bolt.name, bolt.tool, turn) if part))
 
 
 def _remarks(bolt_id: str, remarks: tuple[str, ...]) -> Text:

@@ -107,3 +107,11 @@ def test_a_prior_with_a_free_roll_says_so() -> None:
 
     assert "no solenoid" in text_of(describe_prior(free))
     assert "no solenoid" not in text_of(describe_prior(prior))
+
+
+def test_what_a_person_said_of_a_bolt_is_shown() -> None:
+    prior = results.cube_prior()
+    first, *rest = prior.bolts
+    prior = replace(prior, bolts=(replace(first, name="[upper]", tool="hex 8", order=2), *rest))
+    lines = text_of(describe_prior(prior)).splitlines()
+    assert "T1: [upper], hex 8, turn 2" in [line.strip() for line in lines]
