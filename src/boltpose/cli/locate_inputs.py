@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from boltpose.cli.load import read_hand_eye_of
 from boltpose.errors import ConfigError
 from boltpose.geometry.transforms import Transform
+from boltpose.io.camera_pose import read_camera_pose
 from boltpose.io.digest import sha256_of
 from boltpose.io.scan import read_scan
 from boltpose.schema import HandEyeError, Scan
@@ -64,7 +64,7 @@ def read_shots(
         raise ConfigError(f"one scan needs one --hand-eye, got {len(hand_eyes)}")
     shots = []
     for row, path in enumerate(scans):
-        base_from_camera, error = read_hand_eye_of(
+        base_from_camera, error = read_camera_pose(
             hand_eyes[row] if hand_eyes else None,
             robot_poses[row] if robot_poses else None,
             hand_eye_unit,

@@ -53,8 +53,8 @@ def build(
     check_output(output, PRIOR_SUFFIXES, inputs=inputs)
     check_output(picture, PICTURE_SUFFIXES, inputs=(*inputs, output))
 
-    from boltpose.cli.load import read_full_scan
     from boltpose.io.digest import sha256_of
+    from boltpose.io.full_scan import read_full_scan
     from boltpose.prior.build import BuildConfig, build_prior
     from boltpose.prior.file import prior_to_json, write_prior
     from boltpose.segmentation.models import load_models

@@ -155,9 +155,9 @@ def _locator(given: LocateSettings, provenance: Mapping[str, Any]) -> Callable[[
     Prior and hand-eye are read for every scan again: what was corrected meanwhile counts. All are
     read once at the start too, so that a bad file is told on the command line.
     """
-    from boltpose.cli.load import read_hand_eye_of
     from boltpose.cli.locate_call import call_locate
     from boltpose.cli.locate_inputs import hash_inputs, read_shots
+    from boltpose.io.camera_pose import read_camera_pose
     from boltpose.locate_config import LocateConfig
     from boltpose.prior.file import read_prior
     from boltpose.prior.folder import open_prior_folder
@@ -167,7 +167,7 @@ def _locator(given: LocateSettings, provenance: Mapping[str, Any]) -> Callable[[
 
     networks = load_models(given.models)
     for hand_eye in given.hand_eyes:
-        read_hand_eye_of(hand_eye, None, given.hand_eye_unit)
+        read_camera_pose(hand_eye, None, given.hand_eye_unit)
     if given.prior.is_dir():
         open_prior_folder(given.prior)
     else:

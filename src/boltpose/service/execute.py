@@ -18,12 +18,8 @@ import numpy as np
 
 from boltpose.errors import BoltposeError
 from boltpose.geometry.transforms import Transform
-from boltpose.io.hand_eye import hand_eye_error, read_hand_eye
-from boltpose.io.label_files import read_labelled_scan
-from boltpose.io.mesh import MESH_SUFFIXES, read_mesh
-from boltpose.io.mesh_sampling import sample_mesh
-from boltpose.io.part_names import read_part_names
-from boltpose.io.ply_header import read_ply_header
+from boltpose.io.camera_pose import read_camera_pose
+from boltpose.io.full_scan import read_full_scan
 from boltpose.io.scan import read_scan
 from boltpose.joint_pose import Shot
 from boltpose.locate import locate
@@ -42,8 +38,6 @@ from boltpose.service.prior_cache import PriorCache
 from boltpose.stages import OnStage
 from boltpose.variants import locate_variant
 
-_MESH_SEED = 0
-"""As `boltpose prior build`: a mesh is always sampled the same way."""
 _OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)")
 
 
@@ -223,27 +217,16 @@ class Executor:
             return None, None
         blob = call.hand_eyes[0 if len(call.hand_eyes) == 1 else row]
         path = self._lay(blob, folder / f"handeye{row}")
-        unit = call.hand_eye_unit
-        if not call.robot_poses:
-            found = read_hand_eye(path, unit=unit)
-            return found.transform, hand_eye_error(found)
-        found = read_hand_eye(path, unit=unit, target="flange")
-        pose = self._lay(call.robot_poses[row], folder / f"robot{row}")
-        base_from_flange = read_hand_eye(pose, unit=unit, source="flange").transform
-        return base_from_flange @ found.transform, hand_eye_error(found)
+        robot_pose = None
+        if call.robot_poses:
+            robot_pose = self._lay(call.robot_poses[row], folder / f"robot{row}")
+        return read_camera_pose(path, robot_pose, call.hand_eye_unit)
 
     def _read_full_scan(self, call: BuildCall, folder: Path) -> Scan:
         path = self._lay(call.scan, folder / "scan0")
-        if _is_mesh(path):
-            parts = None
-            if call.parts is not None:
-                parts = read_part_names(self._lay(call.parts, folder / "parts"))
-            rng = np.random.default_rng(_MESH_SEED)
-            return sample_mesh(read_mesh(path, unit=call.unit), parts, rng=rng)
-        if call.parts is not None:
-            raise bad_setting(f"parts: they are of a mesh, but {call.scan.name} is a scan")
-        read = read_labelled_scan if call.use_labels else read_scan
-        return replace(read(path, unit=call.unit or "mm"), source=call.scan.name)
+        parts = None if call.parts is None else self._lay(call.parts, folder / "parts")
+        scan = read_full_scan(path, unit=call.unit, parts=parts, needs_labels=call.use_labels)
+        return replace(scan, source=call.scan.name)
 
     def _provenance(self, call: LocateCall) -> Mapping[str, Any]:
         """As `boltpose locate` writes it; paths are those of the request, not of this computer."""
@@ -297,14 +280,6 @@ class Executor:
                 raise ServiceError(
                     failure.status, failure.code, _without_paths(str(error), name)
                 ) from error
-
-
-def _is_mesh(path: Path) -> bool:
-    if path.suffix.lower() != ".ply":
-        return path.suffix.lower() in MESH_SUFFIXES
-    with path.open("rb") as stream:
-        header = read_ply_header(path, stream)
-    return any(element.name == "face" and element.count > 0 for element in header.elements)
 
 
 def _without_paths(text: str, folder: str) -> str:

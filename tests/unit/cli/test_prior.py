@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from boltpose.cli.exit_codes import ExitCode
-from boltpose.cli.load import is_mesh, read_full_scan
+from boltpose.io.full_scan import is_mesh, read_full_scan
 from boltpose.prior.file import prior_to_json, read_prior
 from boltpose.schema import Part
 from tests.unit.cli.conftest import Cell, Run, write_ply

@@ -1,4 +1,4 @@
-"""Inputs of commands: one place that knows a scan from a mesh, and hashes what was read."""
+"""What a prior is built from: a complete scan, or a CAD mesh that is sampled like one."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from boltpose.errors import ConfigError
-from boltpose.geometry.transforms import Transform
 from boltpose.io.guard import require_file
-from boltpose.io.hand_eye import hand_eye_error, read_hand_eye
 from boltpose.io.label_files import read_labelled_scan
 from boltpose.io.mesh import MESH_SUFFIXES, read_mesh
 from boltpose.io.mesh_sampling import sample_mesh
 from boltpose.io.part_names import read_part_names
 from boltpose.io.ply_header import read_ply_header
 from boltpose.io.scan import read_scan
-from boltpose.schema import HandEyeError, Scan
+from boltpose.schema import Scan
 
 _MESH_SEED = 0
 """A mesh is sampled at random; always the same way, so that a prior can be built again."""
@@ -62,33 +60,3 @@ def is_mesh(path: Path) -> bool:
     with require_file(path, "a scan or a mesh").open("rb") as stream:
         header = read_ply_header(path, stream)
     return any(element.name == "face" and element.count > 0 for element in header.elements)
-
-
-def read_hand_eye_of(
-    hand_eye: Path | None, robot_pose: Path | None, unit: str
-) -> tuple[Transform | None, HandEyeError | None]:
-    """Read the hand-eye matrix; with a robot pose, that of a camera on the arm.
-
-    Args:
-        hand_eye: `base_from_camera`, or `flange_from_camera` when a robot pose is given.
-        robot_pose: `base_from_flange` at the moment of the scan.
-        unit: Unit of both.
-
-    Returns:
-        `base_from_camera`, and how well it is known if the file holds residuals; None without
-        hand-eye.
-
-    Raises:
-        InputFileError: A file holds no rigid transform.
-        ConfigError: A robot pose without hand-eye.
-    """
-    if hand_eye is None:
-        if robot_pose is not None:
-            raise ConfigError("--robot-pose needs --hand-eye, the camera in the flange")
-        return None, None
-    if robot_pose is None:
-        found = read_hand_eye(hand_eye, unit=unit)
-        return found.transform, hand_eye_error(found)
-    found = read_hand_eye(hand_eye, unit=unit, target="flange")
-    base_from_flange = read_hand_eye(robot_pose, unit=unit, source="flange").transform
-    return base_from_flange @ found.transform, hand_eye_error(found)
