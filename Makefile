@@ -74,7 +74,7 @@ models: $(VENV)/.dev.stamp ## make synthetic data, then train, calibrate and des
 	$(BIN)/python -m boltpose.training scores --data $(DATA)
 	$(BIN)/python -m boltpose.training cards --data $(DATA)
 
-bench: $(VENV)/.dev.stamp ## time the stages and compare registration methods
+bench: $(VENV)/.dev.stamp demo ## time the stages, pages and service; compare registration methods (hours)
 	$(PIP) -e ".[bench]"
 	for script in benchmarks/bench_*.py; do $(BIN)/python "$$script"; done
 

@@ -74,7 +74,7 @@ def measure(prior: Prior, rng: np.random.Generator, *, with_labels: bool) -> Ite
 def main() -> None:
     """Print the table."""
     rows: dict[bool, list[Row]] = {True: [], False: []}
-    for path in sys.argv[1:]:
+    for path in sys.argv[1:] or ["demo_output/motor.prior.npz"]:  # of `make demo`
         prior = read_prior(path)
         for with_labels, kept in rows.items():
             kept += measure(prior, np.random.default_rng(0), with_labels=with_labels)

@@ -48,7 +48,13 @@ def measure(saved: SavedResult, repeats: int) -> tuple[float, float, int]:
 def main() -> None:
     """Print one row per result and size."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("poses", nargs="+", type=Path)
+    parser.add_argument(
+        "poses",
+        nargs="*",
+        type=Path,
+        default=[Path("demo_output/poses.json")],
+        help="of `make demo`",
+    )
     parser.add_argument("--repeats", type=int, default=5)
     arguments = parser.parse_args()
     print("| result | points | wall s | CPU s | page kB |\n|---|---|---|---|---|")
