@@ -94,6 +94,7 @@ def look_at(tab: playwright.Page, review: ReviewPage, prior: Prior, bolt: PriorB
     tab.wait_for_timeout(2000)  # a software renderer draws a few pictures per second
 
 
+@pytest.mark.slow
 def test_two_minutes_of_a_technician(
     browser: playwright.Browser, path: Path, tmp_path: Path
 ) -> None:

@@ -91,6 +91,7 @@ def edges(image: np.ndarray) -> float:
     return float(np.abs(np.diff(image, axis=1)).mean())
 
 
+@pytest.mark.slow
 def test_scans_are_dropped_into_the_page_and_written_to_a_folder(
     prior: Path, tmp_path: Path
 ) -> None:

@@ -40,7 +40,9 @@ def locate(client: httpx.Client, name: str = "ok.ply", **fields: Any) -> httpx.R
 
 
 def latest(client: httpx.Client) -> dict[str, Any]:
-    return client.get("/v1/journal", params={"limit": 1}).json()["entries"][0]
+    entries = client.get("/v1/journal", params={"limit": 1}).json()["entries"]
+    # a place in the queue is taken before the inputs are stored and the row is written
+    return entries[0] if entries else {"state": "none yet"}
 
 
 def wait_for(condition: Callable[[], bool], limit_s: float = 10.0) -> None:
