@@ -150,9 +150,7 @@ def _open_locked(path: Path) -> int:
             ) from error
         if not _try_lock(fd):
             os.close(fd)
-            raise InputFileError(
-                path, "another open review of this prior", "one at a time"
-            )
+            raise InputFileError(path, "another open review of this prior", "one at a time")
         # the one who held it before may have removed it just before letting go
         if _is_same(fd, path):
             return fd
