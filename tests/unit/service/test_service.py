@@ -295,7 +295,14 @@ def test_every_request_is_counted_under_a_bounded_label(cell: Cell) -> None:
     for number in range(3):
         assert client.get(f"/nothing/{number}").json()["error"]["code"] == "not_found"
     assert metric(client, line) == before + 3
-    assert metric(client, 'boltpose_stage_seconds_count{stage="segmentation"}') > 0
+
+
+def test_every_stage_of_a_locate_is_timed(cell: Cell) -> None:
+    client, _ = cell
+    line = 'boltpose_stage_seconds_count{stage="segmentation"}'
+    before = metric(client, line)
+    locate(client).raise_for_status()
+    assert metric(client, line) == before + 1
 
 
 def test_an_unknown_entry_and_a_malformed_id_are_told_apart(cell: Cell) -> None:
