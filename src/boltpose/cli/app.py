@@ -173,7 +173,7 @@ def _terminable() -> Generator[None]:
 def _tell(text: str, code: ExitCode, arguments: Sequence[str]) -> ExitCode:
     """Say why there is no answer: a line on stderr, and with `--json` a document on stdout."""
     typer.echo(f"boltpose: {text}", err=True)
-    if "--json" in arguments:
+    if "--json" in arguments and not OUTPUT.has_answered:  # never two documents
         error = {"message": text, "exit_code": int(code)}
         typer.echo(json.dumps({"error": error}, indent=2))
     return code

@@ -23,10 +23,12 @@ class Output:
     """No notes and no progress; warnings and errors stay."""
     is_json: bool = False
     """Stdout is for one JSON document."""
+    has_answered: bool = False
+    """That document is out; an error after it goes to stderr only."""
 
     def reset(self) -> None:
         """Talk as by default."""
-        self.is_quiet = self.is_json = False
+        self.is_quiet = self.is_json = self.has_answered = False
 
 
 OUTPUT = Output()
@@ -46,6 +48,7 @@ def answer_json(answer: Any) -> bool:
     """Print an answer as JSON if that is asked for, and say whether it was."""
     if OUTPUT.is_json:
         typer.echo(json.dumps(answer, indent=2))
+        OUTPUT.has_answered = True
     return OUTPUT.is_json
 
 

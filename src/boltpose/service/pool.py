@@ -65,6 +65,8 @@ class WorkerPool:
         self._taken = 0
         self._idle: asyncio.Queue[_Worker] = asyncio.Queue()
         self._alive: set[_Worker] = set()
+        self._ending: set[_Worker] = set()
+        """Killed, but nobody has waited for their end yet."""
         self._starting: set[asyncio.Task[None]] = set()
         self._is_open = False
         self.restarts = 0
@@ -88,7 +90,7 @@ class WorkerPool:
         for task in list(self._starting):
             task.cancel()
         await asyncio.gather(*self._starting, return_exceptions=True)
-        for worker in list(self._alive):
+        for worker in [*self._alive, *self._ending]:
             await self._end(worker)
 
     @property
@@ -243,10 +245,11 @@ class WorkerPool:
     def _replace(self, worker: _Worker) -> None:
         """End a worker and start another, without making anybody wait."""
         self._alive.discard(worker)
+        self._ending.add(worker)
         with suppress(ProcessLookupError):
             worker.process.kill()
         if not self._is_open:
-            return
+            return  # `close` waits for it
         self.restarts += 1
 
         async def renew() -> None:
@@ -268,9 +271,11 @@ class WorkerPool:
 
     async def _end(self, worker: _Worker) -> None:
         self._alive.discard(worker)
+        self._ending.add(worker)
         with suppress(ProcessLookupError):
             worker.process.kill()
         await worker.process.wait()
+        self._ending.discard(worker)
         # asyncio closes its end of the pipes with the process's transport only
         transport = getattr(worker.process, "_transport", None)
         if transport is not None:

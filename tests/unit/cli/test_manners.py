@@ -12,7 +12,14 @@ import pytest
 import typer
 
 from boltpose.cli.app import app, main
-from boltpose.cli.console import LiveProgress, StageProgress, answer_console, note_console, warn
+from boltpose.cli.console import (
+    LiveProgress,
+    StageProgress,
+    answer_console,
+    answer_json,
+    note_console,
+    warn,
+)
 from boltpose.cli.examples import EXAMPLES
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.manners import add_manners, leaf_commands
@@ -68,6 +75,23 @@ def test_with_json_an_error_is_one_document_on_stdout_and_one_line_on_stderr(
     assert error["exit_code"] == ExitCode.BAD_INPUT
     assert outcome.err == f"boltpose: {error['message']}\n"
     assert "--no-such-option" in error["message"]
+
+
+def test_an_error_after_the_answer_adds_no_second_document(
+    run: Run, cell: Cell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read(*_: object, **__: object) -> None:
+        answer_json({"url": "there"})  # as view does, long before it ends
+        os.kill(os.getpid(), signal.SIGTERM)
+        signal.pause()
+
+    monkeypatch.setattr("boltpose.io.scan.read_raw_scan", read)
+
+    outcome = run("label", cell.scan, "--json")
+
+    assert outcome.code == ExitCode.TERMINATED
+    assert json.loads(outcome.out) == {"url": "there"}
+    assert outcome.err == "boltpose: terminated\n"
 
 
 def test_without_json_an_error_leaves_stdout_empty(run: Run, tmp_path: Path) -> None:
