@@ -24,7 +24,7 @@ def section_area(body: Manifold, z: float) -> float:
 
 @given(
     teeth=st.integers(7, 16),
-    module_mm=st.floats(1.5, 4.5),
+    module_mm=st.floats(1.5, 4.5, exclude_min=True, exclude_max=True),
     gap_mm=st.floats(0, 40),
     shaft_radius_mm=st.floats(2.6, 15),
     wall_mm=st.floats(1.5, 25),
