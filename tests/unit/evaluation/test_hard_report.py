@@ -152,3 +152,25 @@ def test_the_picture_has_the_same_bytes_for_the_same_numbers(tmp_path: Path) -> 
     draw_verdict(tmp_path, tmp_path / "results.md")
 
     assert (tmp_path / "images" / "verdict_roc.png").read_bytes() == first
+
+
+def test_motors_measured_after_the_limits_were_final_have_a_row_of_their_own(
+    tmp_path: Path,
+) -> None:
+    early, late = (
+        replace(record, data_set="factory", motor=name)
+        for record, name in zip(motors(), ("motor_00010", "motor_00011"), strict=False)
+    )
+    (tmp_path / "verdict").mkdir()
+    write(tmp_path / "verdict", (early, late))
+
+    row = next(
+        line
+        for section in sections(tmp_path)
+        for line in section.splitlines()
+        if line.startswith("| blind")
+    )
+
+    wrong = sum(found.is_wrong for found in late.cases)
+    assert row.split("|")[2].strip() == str(wrong)
+    assert wrong != sum(found.is_wrong for record in (early, late) for found in record.cases)
