@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -24,7 +25,7 @@ from boltpose.schema import (
     Visibility,
 )
 
-SCHEMA = "boltpose.poses/3"
+SCHEMA = "boltpose.poses/4"
 SCHEMA_FILE = Path(__file__).parent / "poses.schema.json"
 """The JSON Schema of the file, shipped with the package."""
 
@@ -131,10 +132,10 @@ class Candidate(_Record):
     centre_mm: Vector
 
 
-class PosesFile(_Record):
-    """All of `poses.json`; matrices row-major, `target_from_source`, points as columns."""
+class PosesContent(_Record):
+    """All that `poses.json` says; matrices row-major, `target_from_source`, points as columns."""
 
-    schema_: Literal["boltpose.poses/3"] = Field(alias="schema")
+    schema_: Literal["boltpose.poses/4"] = Field(alias="schema")
     status: Status
     reason: Check | None
     """The most telling failed check; null when ok."""
@@ -179,6 +180,31 @@ class PosesFile(_Record):
             raise ValueError("a refused file holds no bolts")
         if (self.frame == "base") != (self.base_from_camera is not None):
             raise ValueError("frame `base` and only that needs base_from_camera")
+        if len({bolt.id for bolt in self.bolts}) != len(self.bolts):
+            raise ValueError("two bolts have one id")
+        return self
+
+    def digest(self) -> str:
+        """SHA-256 of the content but for `timings_ms`, whatever its layout; hexadecimal."""
+        covered = set(PosesContent.model_fields) - {"timings_ms"}
+        data = self.model_dump(mode="json", by_alias=True, include=covered)
+        text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+class PosesFile(PosesContent):
+    """All of `poses.json`: what it says, and a seal that a change by hand breaks."""
+
+    content_sha256: str
+    """SHA-256 of all else but `timings_ms`: keys sorted, no spaces, floats as Python writes them.
+    A seal against slips, not against intent: who wants to can compute it again."""
+
+    @model_validator(mode="after")
+    def _is_as_it_was_written(self) -> Self:
+        if self.content_sha256 != self.digest():
+            raise ValueError(
+                "content_sha256 does not fit: changed since boltpose wrote it, locate again"
+            )
         return self
 
 
@@ -192,7 +218,7 @@ def to_file(result: LocateResult, timings_ms: Mapping[str, float] | None = None)
     is_ok = result.is_ok
     candidate = None if result.registration is None else _candidate(result.registration)
     failed = sorted(result.verdict.failed, key=list(Check).index)
-    return PosesFile(
+    content = PosesContent(
         schema=SCHEMA,
         status=result.verdict.status,
         reason=failed[0] if failed else None,
@@ -231,6 +257,8 @@ def to_file(result: LocateResult, timings_ms: Mapping[str, float] | None = None)
         timings_ms={name: round(value, 3) for name, value in (timings_ms or {}).items()},
         provenance=json.loads(json.dumps(dict(result.provenance))),
     )
+    data = content.model_dump(by_alias=True)
+    return PosesFile.model_validate(data | {"content_sha256": content.digest()})
 
 
 def dump_json(result: LocateResult, timings_ms: Mapping[str, float] | None = None) -> str:
@@ -259,7 +287,7 @@ def read_poses(path: str | Path) -> PosesFile:
     """Read and check a `poses.json`.
 
     Raises:
-        InputFileError: The file is missing, no JSON, or breaks the schema.
+        InputFileError: The file is missing, no JSON, breaks the schema or was changed by hand.
     """
     wanted = f"a file of schema {SCHEMA}"
     try:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ def test_the_file_says_what_the_result_says(tmp_path: Path) -> None:
     write_poses(tmp_path / "poses.json", result, {"registration": 123.4567})
 
     data = json.loads((tmp_path / "poses.json").read_text())
-    assert data["schema"] == "boltpose.poses/3"
+    assert data["schema"] == "boltpose.poses/4"
     assert (data["status"], data["reason"], data["frame"], data["unit"]) == (
         "ok", None, "base", "mm",
     )  # fmt: skip
@@ -58,7 +59,7 @@ def test_the_shipped_schema_is_that_of_the_code() -> None:
         ({"base_from_camera": None}, "needs base_from_camera"),
         ({"unit": "m"}, "Input should be 'mm'"),
         ({"extra": 1}, "Extra inputs"),
-        ({"schema": "boltpose.poses/9"}, "boltpose.poses/3"),
+        ({"schema": "boltpose.poses/9"}, "boltpose.poses/4"),
     ],
 )
 def test_files_that_contradict_themselves_are_refused(change: dict[str, object], text: str) -> None:
@@ -83,6 +84,71 @@ def test_a_mirrored_turned_or_unexplained_bolt_is_refused() -> None:
         changed = data | {"bolts": [bolt | {"rotation": rotation.tolist()}]}
         with pytest.raises(ValidationError, match=text):
             PosesFile.model_validate(changed)
+
+
+def test_two_bolts_of_one_id_are_refused() -> None:
+    data = to_file(results.located(results.cube_prior())).model_dump(mode="json", by_alias=True)
+    twice = data | {"bolts": [data["bolts"][0], *data["bolts"]]}
+    with pytest.raises(ValidationError, match="two bolts have one id"):
+        PosesFile.model_validate(twice)
+
+
+def _leaves(node: Any) -> list[tuple[Any, Any]]:
+    """Every (container, key) of a JSON document whose value is no container."""
+    found = []
+    for key, value in node.items() if isinstance(node, dict) else enumerate(node):
+        found += _leaves(value) if isinstance(value, dict | list) else [(node, key)]
+    return found
+
+
+def _changed(value: Any) -> Any:
+    if isinstance(value, bool):
+        return not value
+    return value + 1e-9 if isinstance(value, int | float) else f"{value}x"
+
+
+def test_no_value_but_a_time_can_be_changed_by_hand(tmp_path: Path) -> None:
+    path = tmp_path / "poses.json"
+    write_poses(path, results.located(results.cube_prior()), {"registration": 1.0})
+    text = path.read_text()
+    for row in range(len(_leaves(json.loads(text)))):
+        data = json.loads(text)
+        holder, key = _leaves(data)[row]
+        holder[key] = _changed(holder[key])
+        path.write_text(json.dumps(data))
+        if holder is data["timings_ms"]:
+            read_poses(path)
+        else:
+            with pytest.raises(InputFileError):
+                read_poses(path)
+
+
+def test_a_bolt_moved_shifted_or_taken_out_by_hand_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "poses.json"
+    write_poses(path, results.located(results.cube_prior()))
+    data = json.loads(path.read_text())
+    bolt = data["bolts"][0]
+    metres = [value / 1000 for value in bolt["head_top"]]
+    for bolts in (
+        [bolt | {"head_top": metres}, *data["bolts"][1:]],
+        [bolt | {"visibility": "visible", "sure": True}, *data["bolts"][1:]][::-1],
+        data["bolts"][1:],
+        data["bolts"][::-1],
+    ):
+        path.write_text(json.dumps(data | {"bolts": bolts}))
+        with pytest.raises(InputFileError, match="changed since boltpose wrote it, locate again"):
+            read_poses(path)
+
+
+def test_another_layout_and_other_times_are_no_change(tmp_path: Path) -> None:
+    path = tmp_path / "poses.json"
+    result = results.located(results.cube_prior())
+    write_poses(path, result, {"registration": 1.0})
+    written = read_poses(path)
+    data = json.loads(path.read_text())
+    assert data["content_sha256"] == to_file(result, {"registration": 2.0}).content_sha256
+    path.write_text(json.dumps(data, sort_keys=True, indent=None))
+    assert read_poses(path) == written
 
 
 def test_reading_names_the_file_and_the_field(tmp_path: Path) -> None:

@@ -120,12 +120,11 @@ def test_of_several_scans_the_one_the_pose_is_about(tmp_path: Path) -> None:
     poses = save(tmp_path)
     other = tmp_path / "other.npz"
     np.savez(other, points=np.random.default_rng(0).normal(size=(500, 3)) * 100 + [0, 0, 600])
-    data = json.loads(poses.read_text())
-    provenance = data["provenance"]
+    provenance = json.loads(poses.read_text())["provenance"]
     provenance["inputs"]["scans"].insert(0, str(other))
-    provenance["scan_sha256"] = [sha256_of(other), provenance["scan_sha256"]]
-    provenance["reference_view"] = "scan.npz"
-    poses.write_text(json.dumps(data))
+    hashes = [sha256_of(other), provenance["scan_sha256"]]
+    changes = provenance | {"scan_sha256": hashes, "reference_view": "scan.npz"}
+    poses = save(tmp_path, **changes)
     assert open_saved_result(poses).scan.source.endswith("scan.npz")
 
 
