@@ -34,10 +34,7 @@ def read_npz(path: Path) -> RawCloud:
     with refusing(path, _WANTED):
         if not zipfile.is_zipfile(path):
             raise InputFileError(path, "no zip archive", _WANTED)
-        with zipfile.ZipFile(path) as archive:
-            sizes = {info.filename: info.file_size for info in archive.infolist()}
-        if max(sizes.values(), default=0) > _MAX_BYTES:
-            raise InputFileError(path, "an array above 1.2 GB", f"at most {MAX_POINTS} points")
+        refuse_huge_arrays(path)
         with np.load(path, allow_pickle=False) as arrays:
             keys = [key for key in _POINT_KEYS if key in arrays.files]
             if len(keys) != 1:
@@ -65,6 +62,21 @@ def read_npz(path: Path) -> RawCloud:
             labels=optional.get("labels"),
             grid_shape=(grid[0], grid[1]) if len(grid) == 2 else None,
         )
+
+
+def refuse_huge_arrays(path: Path) -> None:
+    """Refuse a numpy archive that would unpack to more than any scan needs (a zip bomb).
+
+    The sizes are those of the archive's directory; zipfile unpacks no more than they say.
+
+    Raises:
+        InputFileError: An array is larger than `MAX_POINTS` points of three float64.
+        zipfile.BadZipFile: It is no archive, or a broken one.
+    """
+    with zipfile.ZipFile(path) as archive:
+        largest = max((info.file_size for info in archive.infolist()), default=0)
+    if largest > _MAX_BYTES:
+        raise InputFileError(path, "an array above 1.2 GB", f"at most {MAX_POINTS} points")
 
 
 def _checked(path: Path, key: str, array: AnyArray) -> AnyArray:

@@ -15,6 +15,7 @@ from boltpose.errors import BoltposeError, EmptyScanError, InputFileError
 from boltpose.geometry.point_pairs import PAIR_WORDS
 from boltpose.geometry.transforms import Transform
 from boltpose.io.atomic import write_atomic
+from boltpose.io.npz import refuse_huge_arrays
 from boltpose.prior.sketch import SKETCH_VERSION, PriorSketch, sketch_prior
 from boltpose.schema import Alignment, Part, Prior, PriorBolt, Side
 
@@ -117,6 +118,7 @@ def _read_archive(
 ) -> tuple[Mapping[str, Any], dict[str, np.ndarray[Any, Any]]]:
     """Header and those of the named arrays that are there; only they are unpacked."""
     try:
+        refuse_huge_arrays(Path(path))
         # a name is opened by us: numpy would leave it open when the archive is damaged
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile) or "header" not in archive:
@@ -127,7 +129,15 @@ def _read_archive(
         raise
     except FileNotFoundError as error:
         raise InputFileError(path, "no such file", _WANTED) from error
-    except (OSError, ValueError, EOFError, KeyError, zlib.error, zipfile.BadZipFile) as error:
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        KeyError,
+        MemoryError,  # a header that claims more than its array holds
+        zlib.error,
+        zipfile.BadZipFile,
+    ) as error:
         raise InputFileError(
             path, f"no readable archive ({type(error).__name__})", _WANTED
         ) from error

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import io
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -57,3 +59,32 @@ def test_another_version_is_refused(tmp_path: Path) -> None:
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"none\.npz: found no such file"):
         read_prior(tmp_path / "none.npz")
+
+
+def test_a_prior_that_would_unpack_to_gigabytes_is_refused_unread(tmp_path: Path) -> None:
+    bomb = tmp_path / "bomb.prior.npz"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+        archive.writestr("header.npy", b"none")
+        with archive.open("points.npy", "w", force_zip64=True) as stream:
+            for _ in range(1300):
+                stream.write(bytes(1_000_000))
+
+    with pytest.raises(InputFileError, match=r"bomb\.prior\.npz: found an array above 1\.2 GB"):
+        read_prior(bomb)
+
+
+def test_an_array_that_claims_more_than_it_holds_is_refused(tmp_path: Path) -> None:
+    liar = tmp_path / "liar.prior.npz"
+    write_prior(liar, records.prior())
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f4", "fortran_order": False, "shape": (10**13, 3)}
+    )
+    with zipfile.ZipFile(liar) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(liar, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(name, header.getvalue() if name == "points.npy" else data)
+
+    with pytest.raises(InputFileError, match=r"liar\.prior\.npz: found no readable archive"):
+        read_prior(liar)
