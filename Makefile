@@ -41,8 +41,9 @@ check: $(VENV)/.dev.stamp ## lint, format, types, import layers
 test: $(VENV)/.dev.stamp ## run the tests (set-up included)
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 -m "not slow"
 
-test-all: $(VENV)/.dev.stamp ## run the tests, the slow ones too
-	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+test-all: $(VENV)/.dev.stamp ## run the tests, the slow ones too, with examples of its own
+	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 \
+	  --hypothesis-profile=default
 
 test-blender: $(BLENDER_VENV)/.stamp ## test the Blender add-on in headless Blender (800 MB the first time)
 	@OMP_NUM_THREADS=1 $(BLENDER_VENV)/bin/python -m tests.blender.run
