@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from boltpose.cli.cell import ConfigOption, open_cell
 from boltpose.cli.console import answer_console, answer_json, note_console
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption, ModelsOption
@@ -20,14 +22,14 @@ if TYPE_CHECKING:
 journal_app = typer.Typer(help="What the service was asked and answered: list, show, replay.")
 
 DataOption = Annotated[
-    Path, typer.Option("--data", metavar="DIR", help="The service's folder (`serve --data`).")
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="The service's folder, as for `serve`."),
 ]
 DatabaseOption = Annotated[
     str | None,
     typer.Option("--database", metavar="URL", help="As for `serve`, if it was given there."),
 ]
 IdArgument = Annotated[str, typer.Argument(metavar="ID", help="As `journal list` shows it.")]
-_FOLDER = Path("boltpose-service")
 
 
 @journal_app.callback(invoke_without_command=True)
@@ -38,15 +40,16 @@ def _show_help(context: typer.Context) -> None:
 
 @journal_app.command("list")
 def list_entries(
-    data: DataOption = _FOLDER,
+    data: DataOption = None,
     database: DatabaseOption = None,
+    config: ConfigOption = None,
     limit: Annotated[int, typer.Option("--limit", min=1, max=100_000, help="At most.")] = 20,
     as_json: JsonOption = False,
 ) -> None:
     """List the latest requests, newest first."""
-    journal = _open(data, database)
-    entries = journal.entries(limit=limit)
-    journal.close()
+    journal = _open(config, data, database)
+    with closing(journal):
+        entries = journal.entries(limit=limit)
     if as_json:
         typer.echo(json.dumps([entry.to_json(with_result=False) for entry in entries], indent=2))
         return
@@ -65,12 +68,15 @@ def list_entries(
 
 @journal_app.command("show")
 def show_entry(
-    entry: IdArgument, data: DataOption = _FOLDER, database: DatabaseOption = None
+    entry: IdArgument,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+    config: ConfigOption = None,
 ) -> None:
     """Print all of one request as JSON."""
-    journal = _open(data, database)
-    found = _find(journal, entry)
-    journal.close()
+    journal = _open(config, data, database)
+    with closing(journal):
+        found = _find(journal, entry)
     typer.echo(json.dumps(found.to_json(with_result=True), indent=2))
 
 
@@ -80,17 +86,18 @@ def export_entry(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="DIR", help="A new folder for the files.")
     ],
-    data: DataOption = _FOLDER,
+    data: DataOption = None,
     database: DatabaseOption = None,
+    config: ConfigOption = None,
 ) -> None:
     """Write the input and poses.json of one request, for `boltpose view` and `boltpose report`."""
     from boltpose.service.calls import LocateCall
 
     if output.exists():
         raise InputFileError(output, "something there already", "a new folder")
-    journal = _open(data, database)
-    found = _find(journal, entry)
-    journal.close()
+    journal = _open(config, data, database)
+    with closing(journal):
+        found = _find(journal, entry)
     if found.kind != "locate":
         raise ConfigError(f"{entry} is a '{found.kind}' request, wanted a 'locate' one")
     call = LocateCall.from_json(found.call)
@@ -117,8 +124,9 @@ def replay_entries(
     last: Annotated[
         int | None, typer.Option("--last", min=1, metavar="N", help="The latest N with an answer.")
     ] = None,
-    data: DataOption = _FOLDER,
+    data: DataOption = None,
     database: DatabaseOption = None,
+    config: ConfigOption = None,
     as_json: JsonOption = False,
     models: ModelsOption = None,
 ) -> None:
@@ -130,20 +138,15 @@ def replay_entries(
         raise ConfigError("name requests to replay, or give --last N")
 
     from boltpose.service.execute import Executor
-    from boltpose.service.journal import State
     from boltpose.service.replay import replay
 
-    journal = _open(data, database)
-    if entries:
-        found = [_find(journal, entry) for entry in entries]
-    else:
-        done = journal.entries(limit=100_000, state=State.DONE)
-        found = [e for e in done if e.kind == "locate" and e.has_inputs][:last]
-    journal.close()
-    if not found:
-        raise ConfigError("the journal holds no answered request with its input")
-    executor = Executor(data, models)
-    outcomes = [replay(entry, executor) for entry in found]
+    journal = _open(config, data, database)
+    with closing(journal):
+        names = entries or [e.id for e in journal.entries(limit=last or 1, can_replay=True)]
+        if not names:
+            raise ConfigError("the journal holds no answered request with its input")
+        executor = Executor(journal.data, models)
+        outcomes = [replay(_find(journal, name), executor) for name in names]
     if as_json:
         answer = [
             {"id": one.id, "same": one.is_same, "differences": list(one.differences)}
@@ -166,8 +169,9 @@ def report_entry(
     output: Annotated[
         Path, typer.Option("--output", "-o", metavar="FILE", help="The page, .html.")
     ],
-    data: DataOption = _FOLDER,
+    data: DataOption = None,
     database: DatabaseOption = None,
+    config: ConfigOption = None,
 ) -> None:
     """Write the page of one request, as `boltpose report` does."""
     from boltpose.cli.outputs import check_output
@@ -177,22 +181,35 @@ def report_entry(
     from boltpose.service.calls import LocateCall
     from boltpose.service.execute import Executor
 
-    journal = _open(data, database)
-    found = _find(journal, entry)
-    journal.close()
+    journal = _open(config, data, database)
+    with closing(journal):
+        found = _find(journal, entry)
     if found.kind != "locate" or found.result is None:
         raise ConfigError(f"{entry} has no poses.json: {found.kind} {found.state.value}")
-    Executor(data).report(LocateCall.from_json(found.call), found.result, output)
+    Executor(journal.data).report(LocateCall.from_json(found.call), found.result, output)
     answer_json({"written": str(output)})
     note_console().print(f"wrote {output}", markup=False, soft_wrap=True)
 
 
-def _open(data: Path, database: str | None) -> Journal:
-    if not (data / "instance").is_file():
-        raise InputFileError(data, "no journal", "the folder of a service (boltpose serve --data)")
+def _open(config: Path | None, data: Path | None, database: str | None) -> Journal:
+    """The journal of a service, which must be there already."""
+    from boltpose.service.config import ServiceConfig
+    from boltpose.service.database import DATABASE_FILE
     from boltpose.service.journal import Journal
 
-    return Journal(data, database)
+    settings = open_cell(config).settings("service", ServiceConfig)
+    folder = data or Path(settings.data)
+    # a folder that was named is not that of the settings, and so its database is neither
+    url = database or (settings.database if data is None else None)
+    if not (folder / "instance").is_file():
+        raise InputFileError(
+            folder, "no journal", "the folder of a service (boltpose serve --data)"
+        )
+    if url is None and not (folder / DATABASE_FILE).is_file():
+        raise InputFileError(
+            folder, f"no {DATABASE_FILE}", "--database URL as the service has it, or such a file"
+        )
+    return Journal(folder, url)
 
 
 def _find(journal: Journal, entry: str) -> Entry:

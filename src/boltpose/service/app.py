@@ -23,7 +23,7 @@ except ImportError as error:
 import boltpose
 from boltpose.service.answers import error_answer
 from boltpose.service.config import ServiceConfig
-from boltpose.service.failures import ServiceError, as_failure
+from boltpose.service.failures import ServiceError, as_failure, journal_failed
 from boltpose.service.guard import Guard
 from boltpose.service.journal import JournalError
 from boltpose.service.routes import add_routes
@@ -49,16 +49,16 @@ def create_app(config: ServiceConfig | None = None) -> FastAPI:
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncGenerator[None]:
-        purge: asyncio.Task[None] | None = None
+        care: asyncio.Task[None] | None = None
         try:
             await state.start()
-            purge = asyncio.get_running_loop().create_task(state.purge())
+            care = asyncio.get_running_loop().create_task(state.look_after())
             yield
         finally:
-            if purge is not None:
-                purge.cancel()
-                with suppress(asyncio.CancelledError, BoltposeError):
-                    await purge
+            if care is not None:
+                care.cancel()
+                with suppress(asyncio.CancelledError):
+                    await care
             await state.close()
 
     app = FastAPI(
@@ -87,7 +87,7 @@ def _add_error_answers(app: FastAPI, state: State) -> None:
         assert isinstance(error, BoltposeError)
         if isinstance(error, JournalError):
             _LOG.error("%s", error)
-            return answer(ServiceError(503, "journal_failed", str(error), retry_after_s=5))
+            return answer(journal_failed())
         return answer(as_failure(error))
 
     async def http(request: Request, error: Exception) -> JSONResponse:

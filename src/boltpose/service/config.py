@@ -54,6 +54,9 @@ class ServiceConfig:
     """On the way down: how long running requests may take to finish."""
     prior_memory_mb: float = 512.0
     """Prepared priors kept in each worker; the one unused for longest goes first."""
+    worker_memory_mb: float = 4096.0
+    """Most memory of each worker. An input that needs more is refused, or ends that worker alone;
+    the computer's other programs never pay for it."""
     keep_inputs_days: float = 90.0
     """Inputs older than this are deleted; what was asked and answered stays in the journal."""
     keep_inputs_gb: float = 20.0
@@ -78,6 +81,7 @@ class ServiceConfig:
             _check_range(name, getattr(self, name), 0.01, 86_400)
         _check_range("drain_s", self.drain_s, 0, 3600)
         _check_range("prior_memory_mb", self.prior_memory_mb, 1, 1_000_000)
+        _check_range("worker_memory_mb", self.worker_memory_mb, 1024, 1_000_000)
         _check_range("keep_inputs_days", self.keep_inputs_days, 0, 100_000)
         _check_range("keep_inputs_gb", self.keep_inputs_gb, 0, 1_000_000)
 

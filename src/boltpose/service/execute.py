@@ -54,7 +54,11 @@ class Executor:
     """Networks and prepared priors, loaded once; runs one call at a time."""
 
     def __init__(
-        self, data: Path, models: Path | None = None, prior_memory_mb: float = 512
+        self,
+        data: Path,
+        models: Path | None = None,
+        prior_memory_mb: float = 512,
+        work: Path | None = None,
     ) -> None:
         """Load the networks.
 
@@ -62,6 +66,7 @@ class Executor:
             data: The service's folder.
             models: Folder of other networks than the shipped ones.
             prior_memory_mb: Bound of the prepared priors.
+            work: Folder for files of a call, on the disk of `data`; by default the system's.
 
         Raises:
             InputFileError: A network is missing or damaged.
@@ -69,8 +74,7 @@ class Executor:
         self.blobs = BlobStore(data / "blobs")
         self.priors = PriorCache(self.blobs, prior_memory_mb)
         self.models: Models = load_models(models)
-        self._work = data / "work"
-        self._work.mkdir(parents=True, exist_ok=True)
+        self._work = work
 
     def warm(self) -> None:
         """Open the networks now rather than in the first call."""

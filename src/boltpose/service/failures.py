@@ -42,6 +42,16 @@ def bad_setting(message: str) -> ServiceError:
     return ServiceError(422, "bad_setting", message)
 
 
+def journal_failed() -> ServiceError:
+    """What cannot be written down is not done, and not answered."""
+    return ServiceError(
+        503,
+        "journal_failed",
+        "the journal cannot be read or written, so nothing is answered; see the service's log",
+        retry_after_s=5,
+    )
+
+
 def as_failure(error: BoltposeError) -> ServiceError:
     """Turn an error of the library, caused by the request's input, into an answer."""
     if isinstance(error, ServiceError):

@@ -4,53 +4,24 @@ from __future__ import annotations
 
 import json
 import secrets
-from collections.abc import Mapping, Sequence
+import threading
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from boltpose.errors import BoltposeError, ConfigError, MissingExtraError
+from boltpose.errors import BoltposeError
+from boltpose.io.atomic import write_atomic
 from boltpose.service.blobs import Blob, BlobStore
-
-try:
-    import sqlalchemy as sql
-    from sqlalchemy import event
-    from sqlalchemy.exc import ArgumentError, NoSuchModuleError, SQLAlchemyError
-except ImportError as error:
-    raise MissingExtraError("sqlalchemy", "service") from error
+from boltpose.service.database import INPUTS, REQUESTS, DatabaseError, cause_of, open_database, sql
 
 JOURNAL_VERSION = 1
-_METADATA = sql.MetaData()
-_REQUESTS = sql.Table(
-    "boltpose_requests",
-    _METADATA,
-    sql.Column("id", sql.String(40), primary_key=True),
-    sql.Column("instance", sql.String(32), nullable=False),
-    sql.Column("version", sql.Integer, nullable=False),
-    sql.Column("kind", sql.String(16), nullable=False),
-    sql.Column("state", sql.String(16), nullable=False, index=True),
-    sql.Column("started", sql.String(32), nullable=False, index=True),
-    sql.Column("finished", sql.String(32)),
-    sql.Column("client", sql.String(200), nullable=False),
-    sql.Column("prior", sql.String(400), nullable=False),
-    sql.Column("call", sql.Text, nullable=False),
-    sql.Column("software", sql.Text, nullable=False),
-    sql.Column("result", sql.Text),
-    sql.Column("status", sql.String(16)),
-    sql.Column("reason", sql.String(64)),
-    sql.Column("error_code", sql.String(64)),
-    sql.Column("error", sql.Text),
-    sql.Column("seconds", sql.Float),
-)
-_INPUTS = sql.Table(
-    "boltpose_inputs",
-    _METADATA,
-    sql.Column("request", sql.String(40), sql.ForeignKey(_REQUESTS.c.id), primary_key=True),
-    sql.Column("sha256", sql.String(64), primary_key=True, index=True),
-    sql.Column("size", sql.BigInteger, nullable=False),
-)
+_DELETED_AT_ONCE = 500
+"""Databases bound how many values one statement may name."""
+_HAS_INPUTS = sql.exists().where(INPUTS.c.request == REQUESTS.c.id)
 
 
 class State(StrEnum):
@@ -86,7 +57,7 @@ class Entry:
     software: Mapping[str, Any]
     """Version, and SHA-256 of the networks."""
     result: str | None
-    """The very text that was answered."""
+    """The very text that was answered; lists leave it out, it is long."""
     status: str | None
     reason: str | None
     error_code: str | None
@@ -127,7 +98,8 @@ class Journal:
     """The journal of one service; safe to share by threads.
 
     A row is written before work starts and finished after. Rows still open when the service
-    starts again were interrupted.
+    starts again were interrupted. Of a database that several services share, each sees its own
+    rows: the stored inputs are its own too.
     """
 
     def __init__(self, data: Path, database: str | None = None) -> None:
@@ -142,39 +114,56 @@ class Journal:
             MissingExtraError: Its driver is not installed.
         """
         data.mkdir(parents=True, exist_ok=True)
+        self.data = data
         self.blobs = BlobStore(data / "blobs")
         self.instance = _instance_of(data)
-        url = database or f"sqlite:///{(data / 'journal.sqlite').resolve()}"
-        try:
-            self._engine = sql.create_engine(url, pool_pre_ping=True)
-        except (ArgumentError, NoSuchModuleError) as error:
-            raise ConfigError(
-                "database: wanted a URL like postgresql+psycopg://user@host/name "
-                f"({type(error).__name__})"
-            ) from error
-        except ModuleNotFoundError as error:
-            raise MissingExtraError(str(error.name), "postgres") from error
-        if self._engine.dialect.name == "sqlite":
-            event.listen(self._engine, "connect", _set_up_sqlite)
-        try:
-            _METADATA.create_all(self._engine)
-        except SQLAlchemyError as error:
-            raise ConfigError(f"database: cannot be opened ({_cause(error)})") from error
+        self.failure = ""
+        """Why the database did not answer last time; empty if it did."""
+        self._unanswered: set[str] = set()
+        """Requests whose end could not be written: their clients got an error."""
+        self._lock = threading.Lock()
+        self._engine = open_database(data, database)
 
     @property
-    def database(self) -> str:
-        """Its URL without the password."""
-        return self._engine.url.render_as_string(hide_password=True)
+    def kind(self) -> str:
+        """`sqlite` or `postgresql`."""
+        return self._engine.dialect.name
 
     def close(self) -> None:
         """Let go of the database."""
         self._engine.dispose()
 
+    def check(self) -> None:
+        """Try whether the database can be written, and close what could not be closed before.
+
+        Raises:
+            JournalError: It does not answer, or cannot be written.
+        """
+        with self._lock:
+            unanswered = tuple(self._unanswered)
+        self._write(
+            # mostly of no row: a database that can only be read says so all the same;
+            # whatever the row says: also an answer that was written down was not handed out
+            sql.update(REQUESTS)
+            .where(REQUESTS.c.id.in_(unanswered))
+            .values(
+                state=State.FAILED,
+                finished=_now(),
+                result=None,
+                status=None,
+                reason=None,
+                error_code="journal_failed",
+                error="the end could not be written when it came; nothing was answered",
+            )
+        )
+        with self._lock:
+            self._unanswered.difference_update(unanswered)
+
     def mark_interrupted(self) -> int:
         """Mark what was under way when the service ended; returns how many."""
         return self._write(
-            sql.update(_REQUESTS)
-            .where(_REQUESTS.c.instance == self.instance, _REQUESTS.c.state == State.STARTED)
+            sql.update(REQUESTS)
+            .where(REQUESTS.c.instance == self.instance, REQUESTS.c.state == State.STARTED)
             .values(
                 state=State.INTERRUPTED,
                 finished=_now(),
@@ -201,15 +190,15 @@ class Journal:
         request = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(4)}"
         sizes = {blob.sha256: blob.size for blob in blobs}
         statements: list[Any] = [
-            sql.insert(_REQUESTS).values(
+            sql.insert(REQUESTS).values(
                 id=request,
                 instance=self.instance,
                 version=JOURNAL_VERSION,
                 kind=kind,
                 state=State.STARTED,
                 started=_now(),
-                client=client[:200],
-                prior=prior[:400],
+                client=_storable(client)[:200],
+                prior=_storable(prior)[:400],
                 call=call,
                 software=json.dumps(dict(software), sort_keys=True),
             )
@@ -219,7 +208,7 @@ class Journal:
                 {"request": request, "sha256": sha256, "size": size}
                 for sha256, size in sizes.items()
             ]
-            statements.append(sql.insert(_INPUTS).values(rows))
+            statements.append(sql.insert(INPUTS).values(rows))
         self._write(*statements)
         return request
 
@@ -238,43 +227,59 @@ class Journal:
         """Write down how a request ended.
 
         Raises:
-            JournalError: It cannot be written; then the result must not be handed out.
+            JournalError: It cannot be written; then the result must not be handed out. `check`
+                writes that down as soon as it can.
         """
-        self._write(
-            sql.update(_REQUESTS)
-            .where(_REQUESTS.c.id == request, _REQUESTS.c.state == State.STARTED)
-            .values(
-                state=state,
-                finished=_now(),
-                seconds=seconds,
-                result=result,
-                status=status,
-                reason=reason,
-                error_code=error_code,
-                error=error,
+        try:
+            self._write(
+                sql.update(REQUESTS)
+                .where(REQUESTS.c.id == request, REQUESTS.c.state == State.STARTED)
+                .values(
+                    state=state,
+                    finished=_now(),
+                    seconds=seconds,
+                    result=result,
+                    status=status,
+                    reason=reason,
+                    error_code=error_code,
+                    error=None if error is None else _storable(error),
+                )
             )
-        )
+        except JournalError:
+            with self._lock:
+                self._unanswered.add(request)
+            raise
 
     def entries(
-        self, *, limit: int = 50, before: str | None = None, state: str | None = None
+        self,
+        *,
+        limit: int = 50,
+        before: str | None = None,
+        state: str | None = None,
+        can_replay: bool = False,
     ) -> list[Entry]:
-        """The latest requests, newest first.
+        """The latest requests, newest first, without their results.
 
         Args:
             limit: At most so many.
             before: Only requests with a smaller id, that is earlier ones.
             state: Only those in this state.
+            can_replay: Only `locate` requests with a result whose input is still kept.
         """
-        query = _select().order_by(_REQUESTS.c.id.desc()).limit(limit)
+        query = self._select(sql.null()).order_by(REQUESTS.c.id.desc()).limit(limit)
         if before is not None:
-            query = query.where(_REQUESTS.c.id < before)
+            query = query.where(REQUESTS.c.id < before)
         if state is not None:
-            query = query.where(_REQUESTS.c.state == state)
+            query = query.where(REQUESTS.c.state == state)
+        if can_replay:
+            query = query.where(
+                REQUESTS.c.kind == "locate", REQUESTS.c.state == State.DONE, _HAS_INPUTS
+            )
         return [_entry(row) for row in self._read(query)]
 
     def find(self, request: str) -> Entry | None:
-        """One request, None if there is none of that id."""
-        rows = self._read(_select().where(_REQUESTS.c.id == request))
+        """One request with its result, None if there is none of that id."""
+        rows = self._read(self._select(REQUESTS.c.result).where(REQUESTS.c.id == request))
         return _entry(rows[0]) if rows else None
 
     def purge(self, *, keep_days: float, keep_bytes: float) -> int:
@@ -291,10 +296,10 @@ class Journal:
         """
         oldest = (datetime.now(UTC) - timedelta(days=keep_days)).isoformat(timespec="microseconds")
         query = (
-            sql.select(_REQUESTS.c.id, _REQUESTS.c.started, _INPUTS.c.sha256, _INPUTS.c.size)
-            .join(_INPUTS, _INPUTS.c.request == _REQUESTS.c.id)
-            .where(_REQUESTS.c.instance == self.instance, _REQUESTS.c.state != State.STARTED)
-            .order_by(_REQUESTS.c.id.desc())
+            sql.select(REQUESTS.c.id, REQUESTS.c.started, INPUTS.c.sha256, INPUTS.c.size)
+            .join(INPUTS, INPUTS.c.request == REQUESTS.c.id)
+            .where(REQUESTS.c.instance == self.instance, REQUESTS.c.state != State.STARTED)
+            .order_by(REQUESTS.c.id.desc())
         )
         kept: set[str] = set()
         lost: set[str] = set()
@@ -306,31 +311,42 @@ class Journal:
                 continue
             kept.add(row.sha256)
             total += new
-        if lost:
-            self._write(sql.delete(_INPUTS).where(_INPUTS.c.request.in_(lost)))
-        self.blobs.sweep(
-            {row.sha256 for row in self._read(sql.select(_INPUTS.c.sha256).distinct())}
+        requests = sorted(lost)
+        for first in range(0, len(requests), _DELETED_AT_ONCE):
+            some = requests[first : first + _DELETED_AT_ONCE]
+            self._write(sql.delete(INPUTS).where(INPUTS.c.request.in_(some)))
+        named = (
+            sql.select(INPUTS.c.sha256)
+            .join(REQUESTS, INPUTS.c.request == REQUESTS.c.id)
+            .where(REQUESTS.c.instance == self.instance)
+            .distinct()
         )
+        self.blobs.sweep({row.sha256 for row in self._read(named)})
         return len(lost)
 
+    def _select(self, result: Any) -> Any:
+        columns = [column for column in REQUESTS.c if column is not REQUESTS.c.result]
+        return sql.select(*columns, result.label("result"), _HAS_INPUTS.label("has_inputs")).where(
+            REQUESTS.c.instance == self.instance
+        )
+
     def _read(self, query: Any) -> Sequence[Any]:
-        try:
-            with self._engine.connect() as connection:
-                return connection.execute(query).all()
-        except SQLAlchemyError as error:
-            raise JournalError(f"the journal cannot be read ({_cause(error)})") from error
+        with self._noting("read"), self._engine.connect() as connection:
+            return connection.execute(query).all()
 
     def _write(self, *statements: Any) -> int:
+        with self._noting("written"), self._engine.begin() as connection:
+            return max(int(connection.execute(entry).rowcount) for entry in statements)
+
+    @contextmanager
+    def _noting(self, done: str) -> Generator[None]:
+        """Remember whether the database answers, for `/v1/health`."""
         try:
-            with self._engine.begin() as connection:
-                return max(int(connection.execute(entry).rowcount) for entry in statements)
-        except SQLAlchemyError as error:
-            raise JournalError(f"the journal cannot be written ({_cause(error)})") from error
-
-
-def _select() -> Any:
-    has_inputs = sql.exists().where(_INPUTS.c.request == _REQUESTS.c.id)
-    return sql.select(_REQUESTS, has_inputs.label("has_inputs"))
+            yield
+        except DatabaseError as error:
+            self.failure = f"the journal cannot be {done} ({cause_of(error)})"
+            raise JournalError(self.failure) from error
+        self.failure = ""
 
 
 def _entry(row: Any) -> Entry:
@@ -354,31 +370,24 @@ def _entry(row: Any) -> Entry:
     )
 
 
-def _set_up_sqlite(connection: Any, _: Any) -> None:
-    cursor = connection.cursor()
-    # readers do not block the writer, and what was committed survives a power cut
-    cursor.execute("PRAGMA journal_mode=WAL")
-    cursor.execute("PRAGMA synchronous=FULL")
-    cursor.execute("PRAGMA foreign_keys=ON")
-    cursor.execute("PRAGMA busy_timeout=10000")
-    cursor.close()
-
-
 def _instance_of(data: Path) -> str:
     """Which service of a shared database this is; made once per folder."""
     path = data / "instance"
     if path.exists():
         return path.read_text(encoding="ascii").strip()
     name = secrets.token_hex(8)
-    path.write_text(name + "\n", encoding="ascii")
+
+    def write(stream: BinaryIO) -> None:
+        stream.write(f"{name}\n".encode())
+
+    write_atomic(path, write)
     return name
+
+
+def _storable(text: str) -> str:
+    """Text of a request as every database takes it: no NUL, no half of a surrogate pair."""
+    return text.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
 
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
-
-
-def _cause(error: SQLAlchemyError) -> str:
-    cause = getattr(error, "orig", None) or error
-    lines = str(cause).splitlines()
-    return lines[0] if lines else type(cause).__name__

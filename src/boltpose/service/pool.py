@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -32,6 +34,8 @@ class _Worker:
     """One process that is ready for a job."""
 
     process: asyncio.subprocess.Process
+    folder: Path
+    """For its files; goes with it, however it ends."""
     models: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -46,8 +50,9 @@ class WorkerPool:
         self,
         data: Path,
         models: Path | None,
-        prior_memory_mb: float,
         *,
+        prior_memory_mb: float,
+        memory_mb: float,
         workers: int,
         queue_size: int,
     ) -> None:
@@ -58,8 +63,10 @@ class WorkerPool:
             "boltpose.service.worker",
             f"--data={data}",
             f"--prior-memory-mb={prior_memory_mb}",
+            f"--memory-mb={memory_mb}",
             *([] if models is None else [f"--models={models}"]),
         ]
+        self._work = data / "work"
         self._count = workers
         self._capacity = workers + queue_size
         self._taken = 0
@@ -214,15 +221,17 @@ class WorkerPool:
                 on_stage(answer["stage"], answer["seconds"])
 
     async def _spawn(self) -> _Worker:
+        folder = Path(tempfile.mkdtemp(dir=self._work))
         process = await asyncio.create_subprocess_exec(
             *self._command,
+            f"--work={folder}",
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             limit=_MAX_LINE_BYTES,
             # Ctrl-C is for the service, which lets its workers finish
             start_new_session=True,
         )
-        worker = _Worker(process)
+        worker = _Worker(process, folder)
         self._alive.add(worker)
         assert process.stdout is not None
         try:
@@ -275,6 +284,7 @@ class WorkerPool:
         with suppress(ProcessLookupError):
             worker.process.kill()
         await worker.process.wait()
+        await asyncio.to_thread(shutil.rmtree, worker.folder, ignore_errors=True)
         self._ending.discard(worker)
         # asyncio closes its end of the pipes with the process's transport only
         transport = getattr(worker.process, "_transport", None)

@@ -39,6 +39,8 @@ class Health(_Answer):
     """How the service is."""
 
     status: Literal["ready", "not_ready"]
+    problem: str
+    """Why it is not ready; empty if it is."""
     version: str
     poses_schema: str
     models: dict[str, str]
@@ -47,6 +49,7 @@ class Health(_Answer):
     waiting: int
     priors: int
     journal: str
+    """`sqlite` or `postgresql`."""
 
 
 class PriorSummary(_Answer):
@@ -202,9 +205,8 @@ def _add_priors(router: APIRouter, state: State) -> None:
     async def stop_job(job: JournalId) -> Job:  # pyright: ignore[reportUnusedFunction]
         """Stop the building of a prior; no harm if it is done."""
         running = state.jobs.get(job)
-        if running is not None and running.task is not None:
-            running.task.cancel()
-            await asyncio.gather(running.task, return_exceptions=True)
+        if running is not None:
+            await running.stop()
         return await _job(state, job)
 
 
@@ -266,9 +268,9 @@ def _add_health(router: APIRouter, state: State) -> None:
 
     @router.get("/v1/health/ready", tags=["health"])
     async def ready() -> Liveness:  # pyright: ignore[reportUnusedFunction]
-        """Answer 503 while no worker can take a request."""
-        if not state.pool.ready:
-            raise ServiceError(503, "not_ready", "no worker is ready", retry_after_s=2)
+        """Answer 503 while no request can be answered: no worker, or no journal."""
+        if state.problem:
+            raise ServiceError(503, "not_ready", state.problem, retry_after_s=2)
         return Liveness(status="ready")
 
     @router.get("/v1/health", tags=["health"])
@@ -277,14 +279,15 @@ def _add_health(router: APIRouter, state: State) -> None:
         software = state.software
         names = await asyncio.to_thread(state.shelf.names)
         return Health(
-            status="ready" if state.pool.ready else "not_ready",
+            status="not_ready" if state.problem else "ready",
+            problem=state.problem,
             version=software["version"],
             poses_schema=software["schema"],
             models=software["models"],
             workers=state.pool.ready,
             waiting=state.pool.waiting,
             priors=len(names),
-            journal=state.journal.database.split(":", 1)[0],
+            journal=state.journal.kind,
         )
 
     @router.get(

@@ -16,7 +16,7 @@ from boltpose.service.blobs import Blob
 from boltpose.service.calls import BuildCall
 from boltpose.service.failures import ServiceError
 from boltpose.service.journal import State as Row
-from boltpose.service.run_locate import INTERNAL, client_of, close_entry
+from boltpose.service.run_locate import INTERNAL, JournaledError, client_of, close_entry
 from boltpose.service.state import BuildJob, State
 
 _LOG = logging.getLogger(__name__)
@@ -30,12 +30,10 @@ async def start_build(state: State, request: Request) -> BuildJob:
         ServiceError: Not allowed, too many jobs, a name that is taken, or a bad request.
     """
     _check_allowed(state)
-    if len(state.jobs) >= _MAX_JOBS:
-        raise ServiceError(
-            429, "queue_full", f"{_MAX_JOBS} priors are being built", retry_after_s=30
-        )
+    _check_room(state)
     call = await state.intake.build_call(request)
     taken = await asyncio.to_thread(state.shelf.names)
+    _check_room(state)  # others may have sent theirs meanwhile
     if call.name in taken and not call.replace:
         raise _taken(call.name)
     if call.name in [job.name for job in state.jobs.values()]:
@@ -77,7 +75,14 @@ async def delete_prior(state: State, request: Request, name: str) -> str:
         prior=name,
         software=state.software,
     )
-    await asyncio.to_thread(path.unlink, missing_ok=True)
+    try:
+        await asyncio.to_thread(path.unlink, missing_ok=True)
+    except OSError as error:
+        refused = ServiceError(
+            500, "internal", f"'{name}' cannot be deleted ({error.strerror}); see the folder"
+        )
+        await close_entry(state, entry, Row.FAILED, start, refused)
+        raise JournaledError(refused, entry) from error
     await asyncio.to_thread(
         state.journal.finish, entry, Row.DONE, seconds=time.perf_counter() - start
     )
@@ -106,6 +111,7 @@ async def _build(state: State, job: BuildJob, call: BuildCall) -> None:
             )
         finally:
             await state.leave_side()
+        job.can_stop = False
         await asyncio.to_thread(_install, state, call, output)
         await asyncio.to_thread(
             state.journal.finish,
@@ -136,6 +142,13 @@ def _install(state: State, call: BuildCall, built: Path) -> Blob:
 
     write_atomic(state.shelf.new_path(call.name), write)
     return state.shelf.take(call.name)
+
+
+def _check_room(state: State) -> None:
+    if len(state.jobs) >= _MAX_JOBS:
+        raise ServiceError(
+            429, "queue_full", f"{_MAX_JOBS} priors are being built", retry_after_s=30
+        )
 
 
 def _check_allowed(state: State) -> None:

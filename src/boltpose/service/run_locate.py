@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from collections.abc import Awaitable
 from contextlib import suppress
@@ -12,11 +13,13 @@ from fastapi import Request
 from boltpose.results import PosesFile
 from boltpose.schema import Status
 from boltpose.service.calls import LocateCall
-from boltpose.service.failures import ServiceError
+from boltpose.service.failures import ServiceError, journal_failed
+from boltpose.service.journal import JournalError
 from boltpose.service.journal import State as Row
 from boltpose.service.pool import Done
 from boltpose.service.state import State
 
+_LOG = logging.getLogger(__name__)
 INTERNAL = ("internal", "a mistake of the service; its log says more")
 
 
@@ -76,25 +79,31 @@ async def _run(state: State, request: Request, entry: str, call: LocateCall, sta
     )
     try:
         done = await _unless_gone(request, work)
-    except ServiceError as error:
-        row = Row.CANCELLED if error.code == "client_gone" else Row.FAILED
-        await close_entry(state, entry, row, start, error)
-        raise JournaledError(error, entry) from error
+        file = PosesFile.model_validate_json(done.text)
+        await asyncio.to_thread(
+            state.journal.finish,
+            entry,
+            Row.DONE,
+            seconds=time.perf_counter() - start,
+            result=done.text,
+            status=file.status.value,
+            reason=None if file.reason is None else file.reason.value,
+        )
     except asyncio.CancelledError:
         gone = ServiceError(503, "interrupted", "the service ended before this request did")
         await asyncio.shield(close_entry(state, entry, Row.INTERRUPTED, start, gone))
         raise
+    except JournalError as error:
+        _LOG.error("%s: %s", entry, error)
+        raise JournaledError(journal_failed(), entry) from error
+    except Exception as error:
+        failure = error if isinstance(error, ServiceError) else ServiceError(500, *INTERNAL)
+        if failure is not error:
+            _LOG.exception("%s failed", entry)
+        row = Row.CANCELLED if failure.code == "client_gone" else Row.FAILED
+        await close_entry(state, entry, row, start, failure)
+        raise JournaledError(failure, entry) from error
     metrics.prior_bytes.set(done.prior_bytes)
-    file = PosesFile.model_validate_json(done.text)
-    await asyncio.to_thread(
-        state.journal.finish,
-        entry,
-        Row.DONE,
-        seconds=time.perf_counter() - start,
-        result=done.text,
-        status=file.status.value,
-        reason=None if file.reason is None else file.reason.value,
-    )
     metrics.poses.labels(file.status.value).inc()
     if file.status is Status.REFUSED and file.reason is not None:
         metrics.refusals.labels(file.reason.value).inc()
@@ -104,15 +113,18 @@ async def _run(state: State, request: Request, entry: str, call: LocateCall, sta
 async def close_entry(
     state: State, entry: str, row: Row, start: float, error: ServiceError
 ) -> None:
-    """Write down how a request failed."""
-    await asyncio.to_thread(
-        state.journal.finish,
-        entry,
-        row,
-        seconds=time.perf_counter() - start,
-        error_code=error.code,
-        error=str(error),
-    )
+    """Write down how a request failed; where that fails too, the journal does it later."""
+    try:
+        await asyncio.to_thread(
+            state.journal.finish,
+            entry,
+            row,
+            seconds=time.perf_counter() - start,
+            error_code=error.code,
+            error=str(error),
+        )
+    except JournalError as lost:
+        _LOG.error("%s: %s", entry, lost)
 
 
 async def _unless_gone(request: Request, work: Awaitable[Done]) -> Done:

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import logging
+import math
 import os
+import shutil
+import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,11 +19,15 @@ from boltpose.results import SCHEMA
 from boltpose.service.blobs import BlobStore
 from boltpose.service.config import ServiceConfig
 from boltpose.service.intake import Intake
-from boltpose.service.journal import Journal
+from boltpose.service.journal import Journal, JournalError
 from boltpose.service.keys import KeyRing
 from boltpose.service.metrics import Metrics
 from boltpose.service.pool import WorkerPool
 from boltpose.service.shelf import PriorShelf, lock_folder
+
+_LOG = logging.getLogger(__name__)
+_LOOK_S = 5.0
+_PURGE_S = 600.0
 
 
 @dataclass(slots=True, eq=False)
@@ -31,7 +40,17 @@ class BuildJob:
     """Stages that are done."""
     is_running: bool = False
     """False while it waits for a worker."""
+    can_stop: bool = True
+    """False while the built prior is laid into the folder: that is not left half done."""
     task: asyncio.Task[None] | None = None
+
+    async def stop(self) -> None:
+        """Stop it if it still can be, and wait for its end."""
+        if self.task is None:
+            return
+        if self.can_stop:
+            self.task.cancel()
+        await asyncio.gather(self.task, return_exceptions=True)
 
 
 class State:
@@ -48,7 +67,8 @@ class State:
         self.config = config
         self.data = Path(config.data).resolve()
         try:
-            self.data.mkdir(parents=True, exist_ok=True)
+            # scans and keys are nobody else's on this computer; a folder that is there stays so
+            self.data.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock = lock_folder(self.data)
         except BlockingIOError:
             raise ConfigError(f"{self.data}: another service runs with this data folder") from None
@@ -93,7 +113,8 @@ class State:
         return WorkerPool(
             self.data,
             self.models,
-            self.config.prior_memory_mb,
+            prior_memory_mb=self.config.prior_memory_mb,
+            memory_mb=self.config.worker_memory_mb,
             workers=workers,
             queue_size=queue_size,
         )
@@ -109,19 +130,21 @@ class State:
 
     async def start(self) -> None:
         """Start the workers; what an earlier run left open is marked interrupted."""
-        self.journal.mark_interrupted()
-        for stray in self.work.glob("*.prior.npz"):
-            stray.unlink(missing_ok=True)
+        await asyncio.to_thread(self.journal.mark_interrupted)
+        for stray in self.work.iterdir():  # of a service that was killed
+            if stray.is_dir():
+                await asyncio.to_thread(shutil.rmtree, stray, ignore_errors=True)
+            else:
+                stray.unlink(missing_ok=True)
         await self.pool.start()
 
     async def close(self) -> None:
         """Stop jobs and workers, let go of the journal and the data folder."""
-        tasks = [job.task for job in self.jobs.values() if job.task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*(job.stop() for job in list(self.jobs.values())))
         await self.pool.close()
         await self.side.close()
+        with suppress(JournalError):
+            self.journal.check()
         self.journal.close()
         os.close(self._lock)
 
@@ -141,12 +164,31 @@ class State:
                 await self.side.close()
                 self.side = self._make_pool(1, 4)
 
-    async def purge(self) -> None:
-        """Delete inputs beyond the retention limit, every ten minutes."""
+    @property
+    def problem(self) -> str:
+        """Why no request can be answered now, for people; empty if it can."""
+        if not self.pool.ready:
+            return "no worker is ready"
+        if self.journal.failure:
+            return "the journal's database does not answer"
+        return ""
+
+    async def look_after(self) -> None:
+        """Ask the journal for a sign of life and delete old inputs, again and again.
+
+        What fails is tried again: a database may be away for a while.
+        """
+        last_purge = -math.inf
         while True:
-            await asyncio.to_thread(
-                self.journal.purge,
-                keep_days=self.config.keep_inputs_days,
-                keep_bytes=self.config.keep_inputs_gb * 1e9,
-            )
-            await asyncio.sleep(600)
+            try:
+                await asyncio.to_thread(self.journal.check)
+                if time.monotonic() - last_purge > _PURGE_S:
+                    last_purge = time.monotonic()
+                    await asyncio.to_thread(
+                        self.journal.purge,
+                        keep_days=self.config.keep_inputs_days,
+                        keep_bytes=self.config.keep_inputs_gb * 1e9,
+                    )
+            except (JournalError, OSError) as error:
+                _LOG.error("%s", error)
+            await asyncio.sleep(_LOOK_S)

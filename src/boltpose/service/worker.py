@@ -29,12 +29,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--data", type=Path, required=True)
     parser.add_argument("--models", type=Path)
     parser.add_argument("--prior-memory-mb", type=float, default=512.0)
+    parser.add_argument("--memory-mb", type=float, required=True)
+    parser.add_argument("--work", type=Path, required=True)
     options = parser.parse_args(arguments)
+    _bound_memory(int(options.memory_mb * 1e6))
     # whatever a library prints must not get between the answers
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
-        executor = Executor(options.data, options.models, options.prior_memory_mb)
+        executor = Executor(options.data, options.models, options.prior_memory_mb, options.work)
         executor.warm()
     except ServiceError as error:
         _send(answers, event="failed", status=500, code="not_ready", message=str(error))
@@ -48,6 +51,15 @@ def main(arguments: list[str] | None = None) -> int:
     threading.Thread(target=_read_jobs, args=(jobs,), daemon=True).start()
     while True:
         _answer(answers, executor, jobs.get())
+
+
+def _bound_memory(size: int) -> None:
+    """Let the system refuse more memory; not all systems can (Windows)."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_DATA, (size, size))
 
 
 def _read_jobs(jobs: queue.Queue[dict[str, Any]]) -> None:
