@@ -69,10 +69,12 @@ def open_saved_result(
     _check_bytes(scan_path, hashes[row] if row < len(hashes) else None, path)
     prior_path = _find(path, prior, inputs.get("prior"), "the prior", "--prior")
     if prior_path.is_dir():
-        known = open_prior_folder(prior_path).read(file.prior)
-    else:
-        _check_bytes(prior_path, provenance.get("prior_sha256"), path)
-        known = read_prior(prior_path)
+        known_paths = open_prior_folder(prior_path).paths
+        if file.prior not in known_paths:
+            raise InputFileError(prior_path, f"no prior of the name '{file.prior}'", "--prior FILE")
+        prior_path = known_paths[file.prior]
+    _check_bytes(prior_path, provenance.get("prior_sha256"), path)
+    known = read_prior(prior_path)
     camera = inputs.get("camera")
     return SavedResult(
         path=Path(path),

@@ -131,3 +131,13 @@ def test_of_several_scans_the_one_the_pose_is_about(tmp_path: Path) -> None:
 def test_a_folder_of_priors_holds_the_one_that_was_found(tmp_path: Path) -> None:
     poses = save(tmp_path, prior_sha256=None)
     assert open_saved_result(poses, prior=tmp_path).prior.name == "cube"
+
+
+def test_a_folder_that_has_lost_or_changed_the_prior_is_told(tmp_path: Path) -> None:
+    poses = save(tmp_path)
+    write_prior(tmp_path / "cube.prior.npz", replace(results.cube_prior(), provenance={"a": 1}))
+    with pytest.raises(InputFileError, match=r"cube\.prior\.npz: found another file"):
+        open_saved_result(poses, prior=tmp_path)
+    write_prior(tmp_path / "cube.prior.npz", replace(results.cube_prior(), name="ball"))
+    with pytest.raises(InputFileError, match="no prior of the name 'cube'"):
+        open_saved_result(poses, prior=tmp_path)

@@ -17,6 +17,7 @@ from boltpose.cli.outputs import (
     POSES_SUFFIXES,
     REPORT_SUFFIXES,
     check_output,
+    check_still_free,
     remove_stale,
     remove_stale_poses,
 )
@@ -27,7 +28,7 @@ def locate_bolts(
     scans: Annotated[
         list[Path],
         typer.Argument(
-            metavar="SCAN...",
+            metavar="SCAN",
             help="A view: .ply .pcd .zdf .npz or a depth .png; several are of one clamping.",
         ),
     ],
@@ -128,7 +129,7 @@ def locate_bolts(
     remove_stale(output, picture, report)
 
     from boltpose.cli.locate_call import call_locate
-    from boltpose.cli.locate_inputs import hash_inputs, read_shots
+    from boltpose.cli.locate_inputs import InputStamps, hash_inputs, read_shots
     from boltpose.locate_config import LocateConfig
     from boltpose.registration.config import RegistrationConfig
     from boltpose.results import dump_json, write_poses
@@ -139,6 +140,7 @@ def locate_bolts(
         label_scan=picture is not None,
         tool=given.tool,
     )
+    stamps = InputStamps.of(path for path in inputs if path is not None)
     shots = read_shots(
         scans,
         given.hand_eyes,
@@ -163,6 +165,7 @@ def locate_bolts(
     }
     with StageProgress("locating", quiet=as_json) as progress:
         call = call_locate(shots, given.prior, networks.scene, settings, provenance, progress.done)
+    stamps.check()
     result = call.result
     timings_ms = {stage: 1000 * seconds for stage, seconds in progress.seconds.items()}
     if picture is not None:
@@ -175,6 +178,7 @@ def locate_bolts(
         write_report(report, result, call.scan, call.prior, timings_ms)
     # last: a robot that waits for it finds everything else in place
     if output is not None:
+        check_still_free(output)
         write_poses(output, result, timings_ms)
     if result.base_from_camera is None:
         warn("no --hand-eye: poses are in frame 'camera', NOT in the robot's base")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from boltpose.cli.locate_inputs import ShotFiles
 from boltpose.errors import ConfigError
+from boltpose.io.digest import sha256_of
 from boltpose.locate_config import LocateConfig
 from boltpose.prior.file import read_prior
 from boltpose.schema import LocateResult, Prior, Scan
@@ -99,4 +100,10 @@ def _among_many(
         provenance=provenance,
         on_stage=on_stage,
     )
-    return LocateCall(result=result, scan=shot.scan, prior=shelf.read(result.prior_name))
+    # the folder has no hash, the motor that was found has one
+    about = {**result.provenance, "prior_sha256": sha256_of(shelf.paths[result.prior_name])}
+    return LocateCall(
+        result=replace(result, provenance=about),
+        scan=shot.scan,
+        prior=shelf.read(result.prior_name),
+    )

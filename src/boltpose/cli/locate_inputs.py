@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from boltpose.errors import ConfigError
+from boltpose.errors import ConfigError, InputFileError
 from boltpose.geometry.transforms import Transform
 from boltpose.io.camera_pose import read_camera_pose
 from boltpose.io.digest import sha256_of
 from boltpose.io.scan import read_scan
+from boltpose.prior.folder import PRIOR_PATTERN
 from boltpose.schema import HandEyeError, Scan
 from boltpose.tool_fit import ToolTolerance
 
@@ -111,6 +112,48 @@ def hash_inputs(
             "prior": str(prior.resolve()),
         },
     }
+
+
+@dataclass(frozen=True, slots=True)
+class InputStamps:
+    """How files stood before they were read.
+
+    A camera may write its next scan over the one that is being located. Then the result would be
+    about a motor that is not there any more, with the hash of a scan it was not made from.
+    """
+
+    stamps: Mapping[Path, tuple[int, int, int] | None]
+    """Inode, size and time of change in ns; None where there was no file."""
+
+    @classmethod
+    def of(cls, paths: Iterable[Path]) -> InputStamps:
+        """Look at files, and at the priors in folders."""
+        files = [
+            file
+            for path in paths
+            for file in (path.glob(PRIOR_PATTERN) if path.is_dir() else [path])
+        ]
+        return cls({file: _stamp(file) for file in files})
+
+    def check(self) -> None:
+        """Compare with how the files stand now.
+
+        Raises:
+            InputFileError: One has changed.
+        """
+        for path, stamp in self.stamps.items():
+            if _stamp(path) != stamp:
+                raise InputFileError(
+                    path, "changed while boltpose was at work", "a file at rest: locate again"
+                )
+
+
+def _stamp(path: Path) -> tuple[int, int, int] | None:
+    try:
+        found = path.stat()
+    except OSError:  # the reader says what is wrong with it
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def parse_sigma(text: str | None) -> HandEyeError | None:

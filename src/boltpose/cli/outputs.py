@@ -48,11 +48,12 @@ def check_output(
 def remove_stale(*paths: Path | None) -> None:
     """Remove results of an earlier run, so that a failed run leaves none a robot could follow.
 
-    Call it after `check_output` has accepted every path.
+    Call it after `check_output` has accepted every path. Of a link the file it points to goes,
+    which is the one that would be replaced: a robot may know it by its own name.
     """
     for path in paths:
         if path is not None:
-            path.unlink(missing_ok=True)
+            path.resolve().unlink(missing_ok=True)
 
 
 def remove_stale_poses(path: Path | None) -> None:
@@ -66,4 +67,20 @@ def remove_stale_poses(path: Path | None) -> None:
     with path.open("rb") as stream:
         head = stream.read(200)
     if b'"boltpose.poses/' in head:
-        path.unlink()
+        path.resolve().unlink()
+
+
+def check_still_free(path: Path) -> None:
+    """Refuse to write where `remove_stale` has made room and another run has written since.
+
+    Two runs into one file: whoever reads it takes one scan's result for the other's. It is removed,
+    for it cannot be told which of the two is the later scan.
+
+    Raises:
+        InputFileError: The file is there again.
+    """
+    if path.exists():
+        remove_stale(path)
+        raise InputFileError(
+            path, "another run wrote it meanwhile, so it was removed", "one run at a time per file"
+        )

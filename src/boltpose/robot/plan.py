@@ -94,7 +94,8 @@ def plan_tools(
 
     Raises:
         PosesRefusedError: The result is refused, or no bolt is left.
-        FrameError: The result is in frame `camera`, or the TCP is of other frames.
+        FrameError: The result is in frame `camera` or its hand-eye is the identity, or the TCP is
+            of other frames.
         ConfigError: `min_tool_fits` is wanted of a result that has no `p_tool_fits`.
     """
     config = config or RobotConfig()
@@ -105,6 +106,13 @@ def plan_tools(
         raise FrameError(
             f"the poses are in frame '{result.frame}', a robot needs them in 'base': run "
             "boltpose locate with --hand-eye FILE (base_from_camera)"
+        )
+    if result.base_from_camera is not None and np.array_equal(
+        result.base_from_camera.matrix, np.eye(4)
+    ):
+        raise FrameError(
+            "the hand-eye is the identity, so 'base' is the camera itself, not the robot's: run "
+            "boltpose locate with the calibrated --hand-eye FILE"
         )
     if flange_from_tool is not None and (flange_from_tool.target, flange_from_tool.source) != (
         "flange",
@@ -151,7 +159,8 @@ def plan_tool_poses(
 
     Raises:
         PosesRefusedError: The result is refused, or no bolt is left.
-        FrameError: The result is in frame `camera`, or the TCP is of other frames.
+        FrameError: The result is in frame `camera` or its hand-eye is the identity, or the TCP is
+            of other frames.
         ConfigError: `min_tool_fits` is wanted of a result that has no `p_tool_fits`.
     """
     return plan_tools(result, config, flange_from_tool).poses

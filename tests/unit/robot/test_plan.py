@@ -235,6 +235,12 @@ def test_frame_camera_is_no_frame_for_a_robot() -> None:
         plan_tools(in_camera)
 
 
+def test_a_camera_that_is_called_base_is_no_robot() -> None:
+    nobody_calibrated = Transform.identity("base", "camera")
+    with pytest.raises(FrameError, match="the hand-eye is the identity"):
+        plan_tools(results.located(results.cube_prior(), nobody_calibrated))
+
+
 def test_no_bolt_left_is_a_refusal() -> None:
     with pytest.raises(PosesRefusedError, match="T1: hidden from the camera"):
         plan_tools(result(bolt(visibility=Visibility.HIDDEN)))
