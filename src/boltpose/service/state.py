@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import math
 import os
 import shutil
 import time
@@ -105,6 +104,8 @@ class State:
         self.pool = self._make_pool(config.workers, config.queue_size)
         # priors and reports have a worker of their own: production does not wait for them
         self.side = self._make_pool(1, 4)
+        self.next_purge_s = 0.0
+        """On the monotonic clock."""
         self._side_users = 0
         self._side_lock = asyncio.Lock()
         self.jobs: dict[str, BuildJob] = {}
@@ -178,12 +179,11 @@ class State:
 
         What fails is tried again: a database may be away for a while.
         """
-        last_purge = -math.inf
         while True:
             try:
                 await asyncio.to_thread(self.journal.check)
-                if time.monotonic() - last_purge > _PURGE_S:
-                    last_purge = time.monotonic()
+                if time.monotonic() >= self.next_purge_s:
+                    self.next_purge_s = time.monotonic() + _PURGE_S
                     await asyncio.to_thread(
                         self.journal.purge,
                         keep_days=self.config.keep_inputs_days,
