@@ -5,12 +5,11 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
-from boltpose.cell.fill import fill_settings
+from boltpose.cell.fill import did_you_mean, fill_settings
 from boltpose.cell.locate_section import LocateSection
 from boltpose.errors import ConfigError, InputFileError
 from boltpose.io.guard import require_file
@@ -119,12 +118,6 @@ def read_cell(path: str | Path) -> CellFile:
         found = f"section [{name}]" if isinstance(table, dict) else f"key '{name}' in no section"
         raise InputFileError(path, found + did_you_mean(name, SECTIONS), _WANTED)
     return CellFile(path=source, sha256=sha256(content).hexdigest(), tables=data)
-
-
-def did_you_mean(name: str, known: tuple[str, ...]) -> str:
-    """Return ` (did you mean 'x'?)` for a slip of the keyboard, or nothing."""
-    near = get_close_matches(name, known, n=1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 def require_prior(section: LocateSection, given: Path | None) -> Path:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
@@ -35,16 +35,19 @@ def fill_settings(
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in names:
-            near = get_close_matches(key, names, n=1)
-            hint = f" (did you mean '{near[0]}'?)" if near else ""
-            raise InputFileError(
-                path, f"unknown key '{key}' in [{section}]{hint}", f"one of {', '.join(names)}"
-            )
+            found = f"unknown key '{key}' in [{section}]{did_you_mean(key, names)}"
+            raise InputFileError(path, found, f"one of {', '.join(names)}")
         values[key] = _typed(path, section, key, value, hints[key])
     try:
         return kind(**values)
     except BoltposeError as error:
         raise InputFileError(path, f"[{section}] {error}", "a value in its range") from error
+
+
+def did_you_mean(name: str, known: Sequence[str]) -> str:
+    """Return ` (did you mean 'x'?)` for a slip of the keyboard, or nothing."""
+    near = get_close_matches(name, known, n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
 
 
 def _typed(path: Path, section: str, key: str, value: Any, hint: Any) -> Any:

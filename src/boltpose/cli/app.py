@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
@@ -38,6 +39,7 @@ from boltpose.cli import (
     view,
 )
 from boltpose.cli.console import OUTPUT
+from boltpose.cli.error_line import error_line, refuse_empty_words
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.manners import add_manners
 from boltpose.errors import BoltposeError
@@ -122,9 +124,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
     OUTPUT.reset()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be no UTF-8
     command = typer.main.get_command(app)
     add_manners(command)
     try:
+        refuse_empty_words(given)
         with _terminable():
             code = command.main(args=given, prog_name="boltpose", standalone_mode=False)
         sys.stdout.flush()  # here, where a full disk or a closed pipe is still an error of ours
@@ -136,7 +142,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.BAD_INPUT
     except (BoltposeError, OSError, typer.TyperException) as error:
-        return _tell(_one_line(error), ExitCode.BAD_INPUT, given)
+        return _tell(error_line(error), ExitCode.BAD_INPUT, given)
     except (KeyboardInterrupt, typer.Abort):
         return _tell("interrupted", ExitCode.INTERRUPTED, given)
     except _TerminatedError:
@@ -177,13 +183,3 @@ def _tell(text: str, code: ExitCode, arguments: Sequence[str]) -> ExitCode:
         error = {"message": text, "exit_code": int(code)}
         typer.echo(json.dumps({"error": error}, indent=2))
     return code
-
-
-def _one_line(error: BaseException) -> str:
-    if isinstance(error, typer.TyperException):
-        text = error.format_message()
-    elif isinstance(error, OSError) and error.filename is not None and error.strerror:
-        text = f"{error.filename}: {error.strerror.lower()}"
-    else:
-        text = str(error)
-    return " ".join(text.split())

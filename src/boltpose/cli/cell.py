@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import note
 
 if TYPE_CHECKING:
     from boltpose.cell import CellFile, LocateSection
@@ -65,5 +65,5 @@ def open_cell(config: Path | None) -> Cell:
         return Cell(None)
     path, why = found
     cell = Cell(read_cell(path))
-    note_console().print(f"settings from {path} ({why})", soft_wrap=True, markup=False)
+    note(f"settings from {path} ({why})")
     return cell

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from boltpose.cli.cell import ConfigOption
-from boltpose.cli.console import answer_console, answer_json, note_console
+from boltpose.cli.console import answer_console, answer_json, note
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import check_output
@@ -44,13 +44,13 @@ def init(
     content = settings_template(_kinds()).encode()
     write_atomic(output, lambda stream: _put(stream, content))
     answer_json({"file": str(output)})
-    note_console().print(f"wrote {output}", soft_wrap=True, markup=False)
+    note(f"wrote {output}")
 
 
 def check(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="[FILE]", help="By default the one that `locate` would use."),
+        typer.Argument(metavar="FILE", help="By default the one that `locate` would use."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -44,6 +44,21 @@ def note_console() -> Console:
     return _at_least_wide(Console(stderr=True, highlight=False, quiet=OUTPUT.is_quiet))
 
 
+def answer_text(text: str) -> None:
+    """Print an answer of words, as it stands; nothing with `--json`."""
+    answer_console().print(text, markup=False, soft_wrap=True)
+
+
+def note(text: str) -> None:
+    """Say something beside the answer: a line on stderr, as it stands; nothing with `--quiet`."""
+    note_console().print(text, markup=False, soft_wrap=True)
+
+
+def note_aside(text: str) -> None:
+    """Say on stderr what is hardly ever of interest."""
+    note_console().print(text, style="dim", markup=False, soft_wrap=True)
+
+
 def answer_json(answer: Any) -> bool:
     """Print an answer as JSON if that is asked for, and say whether it was."""
     if OUTPUT.is_json:

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from boltpose.cli.console import answer_json, note_console
-from boltpose.errors import InputFileError
+from boltpose.cli.outputs import check_folder
 
 DEMO_FOLDER = Path(__file__).resolve().parent.parent / "demo"
 """A simulated motor of reman18: full scan, one view with its camera file, hand-eye matrix."""
@@ -21,8 +21,7 @@ def run_demo(
     ] = Path("demo_output"),
 ) -> None:
     """Build the shipped motor's prior, then locate its bolts in the shipped scan."""
-    if output.exists() and not output.is_dir():
-        raise InputFileError(output, "a file", "a folder for the results")
+    check_folder(output, "the results")
     output.mkdir(parents=True, exist_ok=True)
 
     from boltpose.cli.prior_build import build

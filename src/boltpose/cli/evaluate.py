@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note_console
+from boltpose.cli.console import answer_console, answer_json, note, note_console
 from boltpose.cli.outputs import check_output
 
 REPORT_SUFFIXES = (".md",)
@@ -90,7 +90,7 @@ def evaluate(
     write_report(report, text)
     answer_json({"report": str(report), "motors": len(measured)})
     answer_console().print(cli_summary(measured))
-    note_console().print(f"wrote {report}", soft_wrap=True)
+    note(f"wrote {report}")
 
 
 def _evaluate_priors(data: Path, models: Path, motors: list[str] | None, out: Path) -> None:
@@ -101,4 +101,4 @@ def _evaluate_priors(data: Path, models: Path, motors: list[str] | None, out: Pa
     write_priors(out, record)
     answer_json({"priors": str(out)})
     answer_console().print(priors_summary(record))
-    note_console().print(f"wrote {out}", soft_wrap=True)
+    note(f"wrote {out}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note_console
+from boltpose.cli.console import answer_json, answer_text, note
 from boltpose.cli.outputs import check_output
 from boltpose.errors import MissingExtraError
 
@@ -50,13 +50,10 @@ def export_network(
             "same_labels": float(found.same_label),
         }
     )
-    answer_console().print(
+    answer_text(
         f"{report.path}: {report.kind}, {report.backbone}, {report.file_bytes / 1e6:.2f} MB\n"
         f"class probabilities differ by at most {found.largest:.1e} from the network, at 99 % of "
         f"the points by {found.usual:.1e}; {100 * found.same_label:.2f} % of the labels are the "
-        f"same (clouds x points: {sizes})",
-        soft_wrap=True,
+        f"same (clouds x points: {sizes})"
     )
-    note_console().print(
-        f"use it: boltpose prior build … --models {report.path.parent}", soft_wrap=True
-    )
+    note(f"use it: boltpose prior build … --models {report.path.parent}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import StageProgress, answer_console, answer_json, note_console
+from boltpose.cli.console import StageProgress, answer_console, answer_json, note, note_aside
 from boltpose.cli.options import LengthUnit, ModelsOption
 from boltpose.cli.outputs import check_output
 from boltpose.errors import ConfigError
@@ -130,7 +130,7 @@ def label_scan(
     )
     _report(every, answer, target, is_scene=scene)
     if not converts:
-        note_console().print(f"[dim]{progress.summary()}[/]", soft_wrap=True)
+        note_aside(progress.summary())
 
 
 def _ask_network(
@@ -185,4 +185,4 @@ def _report(every: RawScan, answer: _Answer, target: Path, *, is_scene: bool) ->
     answer_console().print(
         describe_labels(answer.labels[every.is_valid], confidence, is_scene=is_scene)
     )
-    note_console().print(f"wrote {target}", soft_wrap=True)
+    note(f"wrote {target}")

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from boltpose.cli.cell import ConfigOption, open_cell
-from boltpose.cli.console import StageProgress, answer_console, note_console, warn
+from boltpose.cli.console import StageProgress, answer_console, note, note_aside, warn
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.locate_settings import Method, settle
 from boltpose.cli.options import JsonOption, LengthUnit, ModelsOption, PictureOption
@@ -188,9 +188,9 @@ def locate_bolts(
         from boltpose.cli.tables import describe_result
 
         answer_console().print(describe_result(result))
-        note_console().print(f"[dim]{progress.summary()}[/]", soft_wrap=True)
+        note_aside(progress.summary())
         for path in (output, picture, report):
             if path is not None:
-                note_console().print(f"wrote {path}", soft_wrap=True)
+                note(f"wrote {path}")
     if not result.is_ok:
         raise typer.Exit(ExitCode.REFUSED)

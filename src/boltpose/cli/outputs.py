@@ -45,6 +45,23 @@ def check_output(
         raise InputFileError(path, f"folder '{folder}' is not writable", "a folder to write to")
 
 
+def check_folder(path: Path, what: str) -> None:
+    """Refuse a folder to write into that is a file, or that nobody may make or write.
+
+    Args:
+        path: A folder, there or not.
+        what: What is to be written there, for the text.
+
+    Raises:
+        InputFileError: The path will not do; the text says why.
+    """
+    there = next(place for place in (path.absolute(), *path.absolute().parents) if place.exists())
+    if not there.is_dir():
+        raise InputFileError(there, "a file", f"a folder for {what}")
+    if not os.access(there, os.W_OK):
+        raise InputFileError(path, f"folder '{there}' is not writable", f"a folder for {what}")
+
+
 def remove_stale(*paths: Path | None) -> None:
     """Remove results of an earlier run, so that a failed run leaves none a robot could follow.
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import StageProgress, answer_console, note_console
+from boltpose.cli.console import StageProgress, answer_console, note, note_aside
 from boltpose.cli.options import JsonOption, LengthUnit, ModelsOption, PictureOption
 from boltpose.cli.outputs import PICTURE_SUFFIXES, PRIOR_SUFFIXES, check_output
 
@@ -86,4 +86,5 @@ def build(
     from boltpose.cli.tables import describe_prior
 
     answer_console().print(describe_prior(prior))
-    note_console().print(f"[dim]{progress.summary()}[/]\nwrote {output}", soft_wrap=True)
+    note_aside(progress.summary())
+    note(f"wrote {output}")

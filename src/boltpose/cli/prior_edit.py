@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, note_console
+from boltpose.cli.console import answer_console, note
 from boltpose.cli.options import JsonOption, PictureOption, PriorArgument
 from boltpose.cli.outputs import PICTURE_SUFFIXES, PRIOR_SUFFIXES, check_output
 from boltpose.errors import ConfigError
@@ -129,7 +129,7 @@ def edit(
         typer.echo(json.dumps(prior_to_json(edited), indent=2))
         return
     answer_console().print(describe_prior(edited))
-    note_console().print(f"wrote {target}", soft_wrap=True)
+    note(f"wrote {target}")
 
 
 def _parse_point(text: str) -> tuple[float, float, float]:

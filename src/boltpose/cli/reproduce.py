@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import note
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption
-from boltpose.cli.outputs import check_output
+from boltpose.cli.outputs import PICTURE_SUFFIXES, check_folder, check_output
 from boltpose.errors import InputFileError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def reproduce(
     table: Annotated[
         Table,
         typer.Argument(
-            metavar="table1|table2|table3|binary|curve|honest|all",
+            metavar="TABLE",
             help="The paper's table 1, registration (needs the extra `bench`; takes --data, --out, "
             "--work); its tables 2 and 3 and binary segmentation; curve: scores against the "
             "budget; honest: table 2 by leaving out one family; all: what is of networks.",
@@ -133,7 +133,7 @@ def reproduce(
     as_json: JsonOption = False,
 ) -> None:
     """Train and test the paper's networks, resumable run by run; several processes may share."""
-    check_output(picture, (".png", ".svg", ".pdf"))
+    check_output(picture, PICTURE_SUFFIXES)
     if table is Table.TABLE1:
         _reproduce_table1(data, out, work, report_only=report_only, as_json=as_json)
         return
@@ -148,6 +148,8 @@ def reproduce(
         out = folder / "results" if budget is BudgetName.QUICK else Path("results/study")
     tables = TABLES if table is Table.ALL else (table.value,)
     if not report_only:
+        check_folder(out, "the records")
+        check_folder(work, "the networks")
         sources = _Sources(
             data=data,
             cache=cache,
@@ -171,7 +173,7 @@ def reproduce(
         from boltpose.evaluation.study_curve import draw_curve
 
         draw_curve(records, picture)
-        note_console().print(f"wrote {picture}", soft_wrap=True)
+        note(f"wrote {picture}")
     if as_json:
         typer.echo(json.dumps(study_as_json(records, tables), indent=1))
     else:
@@ -188,6 +190,7 @@ def _reproduce_table1(
 
     out = out or Path("results") / FOLDER
     if not report_only:
+        check_folder(out, "the records")
         try:
             with MotorProgress("table 1") as progress:
                 run_table1(data, (work or Path("runs")) / FOLDER, out, on_motor=progress.done)

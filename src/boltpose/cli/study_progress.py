@@ -29,7 +29,7 @@ class MotorProgress(LiveProgress):
     def done(self, name: str, done: int, count: int) -> None:
         """Note a finished motor."""
         self._progress.update(self._task, completed=done, total=count)
-        self._console.print(f"{done}/{count}  {name}", soft_wrap=True)
+        self._console.print(f"{done}/{count}  {name}", markup=False, soft_wrap=True)
 
 
 class StudyProgress(LiveProgress):
@@ -76,14 +76,16 @@ class StudyProgress(LiveProgress):
         self._waits_for = ""
         if is_new:
             self._console.print(
-                f"{self._done}/{self._runs}  {describe_run(record)}", soft_wrap=True
+                f"{self._done}/{self._runs}  {describe_run(record)}", markup=False, soft_wrap=True
             )
 
     def wait(self, who: str) -> None:
         """Say once who does what is left."""
         if who != self._waits_for:
             self._waits_for = who
-            self._console.print(f"waiting for {who}, which does what is left", soft_wrap=True)
+            self._console.print(
+                f"waiting for {who}, which does what is left", markup=False, soft_wrap=True
+            )
 
 
 def describe_run(record: StudyRecord) -> str:

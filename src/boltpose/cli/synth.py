@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note_console
+from boltpose.cli.console import answer_json, answer_text, note
 from boltpose.cli.exit_codes import ExitCode
+from boltpose.cli.outputs import check_folder
 
 if TYPE_CHECKING:
     from boltpose.synthesis.run import MakeSample
@@ -126,6 +127,8 @@ def _run(
     *,
     preview: bool,
 ) -> None:
+    check_folder(output, "the data set")
+
     from functools import partial
 
     from boltpose.cli.synth_progress import SampleProgress
@@ -139,7 +142,6 @@ def _run(
 
         require_ray()  # now, not after the folder was made
         run_tasks = partial(run_on_cluster, address=cluster)
-    notes = note_console()
     progress = SampleProgress(str(settings.kind))
     try:
         with progress:
@@ -161,12 +163,11 @@ def _run(
         from boltpose.synthesis.preview import write_previews
 
         for path in write_previews(output):
-            notes.print(f"wrote {path}", soft_wrap=True)
+            note(f"wrote {path}")
     card = write_card(output)
-    notes.print(f"wrote {card}", soft_wrap=True)
+    note(f"wrote {card}")
     answer_json({"folder": str(output), "made": done.made, "kept": done.kept})
-    answer_console().print(
+    answer_text(
         f"{done.made} made, {done.kept} were there; {done.retries} draws made again"
-        + (f"; {progress.summary()}" if done.made else ""),
-        soft_wrap=True,
+        + (f"; {progress.summary()}" if done.made else "")
     )

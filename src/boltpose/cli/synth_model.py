@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note_console
-from boltpose.cli.outputs import POSES_SUFFIXES, check_output
-from boltpose.errors import ConfigError, InputFileError
+from boltpose.cli.console import answer_console, answer_json, answer_text, note
+from boltpose.cli.outputs import POSES_SUFFIXES, check_folder, check_output
+from boltpose.errors import ConfigError
 
 
 def synth_model(
@@ -21,8 +21,7 @@ def synth_model(
     ],
 ) -> None:
     """Build the motor of a specification: meshes, labels, bolt poses, and its prior."""
-    if output.exists() and not output.is_dir():
-        raise InputFileError(output, "a file", "a folder for the model")
+    check_folder(output, "the model")
 
     from boltpose.synthesis.user_model import read_spec, write_model
 
@@ -31,9 +30,8 @@ def synth_model(
         written = write_model(chosen, output)
     except ConfigError as error:  # it names the field, not the file it stands in
         raise ConfigError(f"{spec}: {error}") from error
-    notes = note_console()
     for path in written.files:
-        notes.print(f"wrote {path}", soft_wrap=True)
+        note(f"wrote {path}")
     answer_json(
         {
             "files": [str(path) for path in written.files],
@@ -41,10 +39,9 @@ def synth_model(
             "bolts": written.bolt_count,
         }
     )
-    answer_console().print(
+    answer_text(
         f"'{chosen.name}': {written.bolt_count} bolts, {written.part_count} parts; "
-        f"locate it with --prior {written.prior}",
-        soft_wrap=True,
+        f"locate it with --prior {written.prior}"
     )
 
 
@@ -70,7 +67,7 @@ def synth_spec(
         return
     write_spec(output, chosen)
     answer_json({"files": [str(output)]})
-    note_console().print(f"wrote {output}", soft_wrap=True)
+    note(f"wrote {output}")
 
 
 def synth_families() -> None:

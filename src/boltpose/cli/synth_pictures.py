@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note_console
-from boltpose.errors import InputFileError
+from boltpose.cli.console import answer_json, answer_text, note
+from boltpose.cli.outputs import check_folder
 
 
 def synth_pictures(
@@ -22,17 +22,14 @@ def synth_pictures(
     ] = None,
 ) -> None:
     """Draw every family, clamp design and sensor effect; some minutes."""
-    if output.exists() and not output.is_dir():
-        raise InputFileError(output, "a file", "a folder for the pictures")
+    check_folder(output, "the pictures")
 
     from boltpose.synthesis.pictures import write_pictures
 
-    notes = note_console()
-
     def report(path: Path) -> None:
-        notes.print(f"wrote {path}", soft_wrap=True)
+        note(f"wrote {path}")
 
     names = tuple(name.strip() for name in only.split(",")) if only else ()
     written = write_pictures(output, seed=seed, only=names, report=report)
     answer_json({"files": [str(path) for path in written]})
-    answer_console().print(f"{len(written)} pictures in {output}", soft_wrap=True)
+    answer_text(f"{len(written)} pictures in {output}")

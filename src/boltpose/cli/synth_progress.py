@@ -13,7 +13,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from boltpose.cli.console import LiveProgress, note_console
+from boltpose.cli.console import LiveProgress, note, note_console
 from boltpose.synthesis.write import Sample
 
 
@@ -55,9 +55,7 @@ class SampleProgress(LiveProgress):
             self._stages[stage] = self._stages.get(stage, 0.0) + seconds
         self._progress.advance(self._task)
         if not self._is_live and (self._made % 50 == 0 or self._made == self._missing):
-            note_console().print(
-                f"{self._title}: {self._made} of {self._missing}, {self.summary()}", soft_wrap=True
-            )
+            note(f"{self._title}: {self._made} of {self._missing}, {self.summary()}")
 
     def summary(self) -> str:
         """Return for example `1.9 s per motor (build 0.6 s, scan 1.1 s of one core)`."""

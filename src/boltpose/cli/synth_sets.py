@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_json, note_console
+from boltpose.cli.console import answer_json, note
 
 DataArgument = Annotated[Path, typer.Argument(metavar="DIR", help="A data set.")]
 
@@ -18,7 +18,7 @@ def synth_preview(data: DataArgument) -> None:
 
     written = list(write_previews(data))
     for path in written:
-        note_console().print(f"wrote {path}", soft_wrap=True)
+        note(f"wrote {path}")
     answer_json({"files": [str(path) for path in written]})
 
 
@@ -27,13 +27,13 @@ def synth_card(data: DataArgument) -> None:
     from boltpose.synthesis.card import write_card
 
     card = write_card(data)
-    note_console().print(f"wrote {card}", soft_wrap=True)
+    note(f"wrote {card}")
     answer_json({"files": [str(card)]})
 
 
 def synth_compare(
     data: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Data sets in the layout of reman18.")
+        list[Path], typer.Argument(metavar="DIR", help="Data sets in the layout of reman18.")
     ],
 ) -> None:
     """Print the ranges of data sets side by side, as a Markdown table."""

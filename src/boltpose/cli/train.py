@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from boltpose.cli.console import answer_json, note_console
+from boltpose.cli.console import answer_json, note
+from boltpose.cli.outputs import check_folder
 from boltpose.cli.train_progress import TrainProgress
 from boltpose.errors import ConfigError, MissingExtraError
 
@@ -173,6 +174,8 @@ def _train(
     """Check everything that can be checked before torch is loaded, then train."""
     from boltpose.datasets.open import cache_folder, open_data_set
 
+    check_folder(out, "the run")
+    check_folder(cache, "the features")
     motors = open_data_set(data)
     tested = None if test is None else open_data_set(test)
     if leave_out not in ("each", "none") and leave_out not in motors.families:
@@ -201,10 +204,9 @@ def _train(
         )
         with TrainProgress() as progress:
             scores = run_job(motors, job, test=tested, on_progress=progress.step)
-        console = note_console()
         if scores is not None:
             what = f"without {family}" if test is None else f"on {test}, trained on {data}"
-            console.print(describe_scores(task, what, scores), soft_wrap=True)
+            note(describe_scores(task, what, scores))
             answer.append(
                 {
                     "out": str(job.out),
@@ -214,7 +216,7 @@ def _train(
             )
         else:
             answer.append({"out": str(job.out)})
-        console.print(f"written: {job.out}", soft_wrap=True)
+        note(f"wrote {job.out}")
     answer_json({"runs": answer})
 
 

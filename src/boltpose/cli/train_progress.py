@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from boltpose.cli.console import LiveProgress, note_console
+from boltpose.cli.console import LiveProgress, note, note_console
 
 _LINES = 10
 """On a log instead of a terminal: so many lines per thing that is done."""
@@ -18,7 +18,7 @@ class TrainProgress(LiveProgress):
         self._progress = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            TextColumn("{task.completed}/{task.total}  loss {task.fields[loss]:.4f}"),
+            TextColumn("{task.completed}/{task.total}{task.fields[loss]}"),
             TimeRemainingColumn(),
             console=self._console,
             disable=not self._console.is_terminal,
@@ -26,11 +26,12 @@ class TrainProgress(LiveProgress):
         self._tasks: dict[str, TaskID] = {}
 
     def step(self, what: str, step: int, steps: int, loss: float) -> None:
-        """Note a step, counted from 0."""
+        """Note a step, counted from 0; what is computed before the training has no loss."""
+        shown = f", loss {loss:.4f}" if loss else ""
         if not self._console.is_terminal:
             if (step + 1) % max(1, steps // _LINES) == 0:
-                self._console.print(f"{what}: {step + 1}/{steps}, loss {loss:.4f}", soft_wrap=True)
+                note(f"{what}: {step + 1}/{steps}{shown}")
             return
         if what not in self._tasks:
-            self._tasks[what] = self._progress.add_task(what, total=steps, loss=loss)
-        self._progress.update(self._tasks[what], completed=step + 1, total=steps, loss=loss)
+            self._tasks[what] = self._progress.add_task(what, total=steps, loss=shown)
+        self._progress.update(self._tasks[what], completed=step + 1, total=steps, loss=shown)
