@@ -16,6 +16,7 @@ try:
     from fastapi.exceptions import RequestValidationError
     from fastapi.responses import JSONResponse
     from starlette.exceptions import HTTPException
+    from starlette.requests import ClientDisconnect
     from starlette.routing import Match
 except ImportError as error:
     raise MissingExtraError("fastapi", "service") from error
@@ -23,7 +24,7 @@ except ImportError as error:
 import boltpose
 from boltpose.service.answers import error_answer
 from boltpose.service.config import ServiceConfig
-from boltpose.service.failures import ServiceError, as_failure, journal_failed
+from boltpose.service.failures import ServiceError, as_failure, bad_request, journal_failed
 from boltpose.service.guard import Guard
 from boltpose.service.journal import JournalError
 from boltpose.service.routes import add_routes
@@ -105,6 +106,9 @@ def _add_error_answers(app: FastAPI, state: State) -> None:
         where = ".".join(str(part) for part in first["loc"])
         return answer(ServiceError(422, "bad_setting", f"{where[:80]!a}: {first['msg']}"))
 
+    async def gone(_: Request, __: Exception) -> JSONResponse:
+        return answer(bad_request("the connection ended in the middle of the body"))
+
     async def system(_: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, OSError)
         _LOG.exception("the system refused", exc_info=error)
@@ -119,6 +123,7 @@ def _add_error_answers(app: FastAPI, state: State) -> None:
     app.add_exception_handler(BoltposeError, ours)
     app.add_exception_handler(HTTPException, http)
     app.add_exception_handler(RequestValidationError, invalid)
+    app.add_exception_handler(ClientDisconnect, gone)
     app.add_exception_handler(OSError, system)
     app.add_exception_handler(Exception, unknown)
 

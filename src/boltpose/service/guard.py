@@ -45,8 +45,6 @@ class Guard:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Handle one request."""
         if scope["type"] != "http":
-            if scope["type"] == "websocket":
-                return  # there are none
             await self._app(scope, receive, send)
             return
         status = 500

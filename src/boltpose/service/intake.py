@@ -27,6 +27,7 @@ Model = TypeVar("Model", bound=BaseModel)
 MAX_FILES = 64
 _MAX_FIELDS = 200
 _MAX_FIELD_BYTES = 1 << 20
+_MAX_JSON_BYTES = 1 << 18
 _FILE_FIELDS = ("scan", "hand_eye", "robot_pose", "camera", "parts")
 ALL_PRIORS = "*"
 """As `prior`: the service finds out which of its motors it is."""
@@ -261,11 +262,25 @@ async def _with_form(request: Request, read: Callable[[FormData], Call]) -> Call
 
 
 async def _read_json(request: Request) -> Any:
-    body = await request.body()
+    body = b""
+    async for chunk in request.stream():
+        body += chunk
+        if len(body) > _MAX_JSON_BYTES:
+            raise ServiceError(413, "too_large", f"wanted at most {_MAX_JSON_BYTES} bytes of JSON")
     try:
-        return json.loads(body)
+        return json.loads(body, object_pairs_hook=_each_once)
     except (ValueError, RecursionError) as error:
         raise bad_request(f"the body is no JSON ({type(error).__name__})") from error
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    # two values of one name: nobody knows which was meant
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            raise bad_setting(f"{name[:40]!a}: found twice, wanted once")
+        found[name] = value
+    return found
 
 
 def _sorted_form(

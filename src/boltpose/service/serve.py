@@ -41,6 +41,10 @@ def serve(config: ServiceConfig, on_ready: Callable[[str], None] | None = None) 
     server = _Server(
         uvicorn.Config(
             app,
+            # what is tested; other ones that happen to be installed end processes their own way
+            loop="asyncio",
+            http="h11",
+            ws="none",
             log_level=logging.WARNING,
             access_log=False,
             server_header=False,

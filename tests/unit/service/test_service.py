@@ -138,6 +138,22 @@ def test_no_path_leaves_the_scan_folder(cell: Cell, path: str) -> None:
         ({"json": {"scan": "ok.ply", "prior": "cube", "tool_lateral_mm": -1}}, 422, "bad_setting"),
         ({"json": [1]}, 422, "bad_setting"),
         ({"content": b"{", "headers": {"content-type": "application/json"}}, 400, "bad_request"),
+        (
+            {
+                "content": b'{"scan": "ok.ply", "prior": "cube", "prior": "other"}',
+                "headers": {"content-type": "application/json"},
+            },
+            422,
+            "bad_setting",
+        ),
+        (
+            {
+                "content": b'{"scan": "' + b"x" * 300_000 + b'"}',
+                "headers": {"content-type": "application/json"},
+            },
+            413,
+            "too_large",
+        ),
         ({"content": b"x", "headers": {"content-type": "text/xml"}}, 415, "wrong_content_type"),
         ({"content": b"x"}, 415, "wrong_content_type"),
         (
@@ -257,6 +273,21 @@ def test_a_body_of_unknown_length_is_cut_off(cell: Cell) -> None:
     )
     assert (answer.status_code, answer.json()["error"]["code"]) == (413, "too_large")
     assert state.pool.taken == 0
+
+
+def test_a_body_that_breaks_off_is_no_mistake_of_ours(
+    cell: Cell, caplog: pytest.LogCaptureFixture
+) -> None:
+    client, state = cell
+    with socket.create_connection((client.base_url.host, client.base_url.port)) as raw:
+        raw.sendall(
+            b"POST /v1/locate HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 99\r\n"
+            b"Content-Type: application/json\r\n\r\n{"
+        )
+        wait_for(lambda: state.pool.taken == 1)
+    wait_for(lambda: state.pool.taken == 0)
+    assert locate(client).status_code == 200
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(
