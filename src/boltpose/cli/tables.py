@@ -57,7 +57,7 @@ def describe_prior(prior: Prior) -> RenderableType:
         ),
     ]
     lines += _to_look_at(prior)
-    panel = Panel(Group(*lines), title=f"prior '{prior.name}'", title_align="left", expand=False)
+    panel = Panel(Group(*lines), title=_prior_title(prior.name), title_align="left", expand=False)
     # why a bolt is unsure stands in the panel
     remarks = [
         _remarks(bolt.id, bolt.remarks) for bolt in prior.bolts if bolt.is_sure and bolt.remarks
@@ -116,8 +116,13 @@ def _verdict_panel(result: LocateResult) -> Panel:
         tried = ", ".join(f"{entry.name} {max(entry.score, 0.0):.2f}" for entry in result.variants)
         body.append(Text(f"agreement of the motors compared: {tried}"))
     style = "green" if result.is_ok else "red"
-    title = f"prior '{result.prior_name}'"
+    title = _prior_title(result.prior_name)
     return Panel(Group(*body), title=title, title_align="left", border_style=style, expand=False)
+
+
+def _prior_title(name: str) -> Text:
+    # no plain string: rich would take a name's [brackets] for markup
+    return Text(f"prior '{name}'")
 
 
 def _score_table(verdict: Verdict) -> Table:

@@ -109,6 +109,12 @@ def test_a_prior_with_a_free_roll_says_so() -> None:
     assert "no solenoid" not in text_of(describe_prior(prior))
 
 
+def test_a_name_keeps_its_brackets() -> None:
+    prior = replace(results.cube_prior(), name="[red] motor")
+    assert "prior '[red] motor'" in text_of(describe_prior(prior))
+    assert "prior '[red] motor'" in text_of(describe_result(results.located(prior)))
+
+
 def test_what_a_person_said_of_a_bolt_is_shown() -> None:
     prior = results.cube_prior()
     first, *rest = prior.bolts
