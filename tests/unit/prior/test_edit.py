@@ -171,3 +171,24 @@ def test_a_bolt_is_not_flipped_onto_another(prior: Prior) -> None:
     wrong = flip_bolt(replace(prior, bolts=(right,)), "B1").bolts[0]
     with pytest.raises(ConfigError, match="bolt B1 is already at the other side of T1"):
         flip_bolt(replace(prior, bolts=(right, replace(wrong, id="T1"))), "T1")
+
+
+def test_a_head_that_the_scan_shows_looking_the_other_way_is_never_confirmed(prior: Prior) -> None:
+    for bolt in (prior.bolt("T1"), prior.bolt("B1")):
+        assert confirm_bolt(prior, bolt.id).bolt(bolt.id).is_sure
+        wrong = flip_bolt(replace(prior, bolts=(bolt,)), bolt.id)
+        with pytest.raises(ConfigError, match="the tool would come through the motor; flip it"):
+            confirm_bolt(wrong, wrong.bolts[0].id)
+        # back again it is right
+        right = flip_bolt(wrong, wrong.bolts[0].id)
+        assert confirm_bolt(right, right.bolts[0].id).bolts[0].is_sure
+
+
+def test_where_the_scan_shows_no_head_a_person_is_believed(prior: Prior) -> None:
+    bolt = prior.bolts[0]
+    bare = replace(
+        prior, bolts=(bolt,), points=np.zeros((0, 3)), normals=np.zeros((0, 3)),
+        labels=np.zeros(0, dtype=np.uint8),
+    )  # fmt: skip
+    wrong = flip_bolt(bare, bolt.id)
+    assert confirm_bolt(wrong, wrong.bolts[0].id).bolts[0].is_sure
