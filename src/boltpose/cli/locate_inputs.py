@@ -97,7 +97,7 @@ def hash_inputs(
             return found
         return found[0] if found else None
 
-    names = [path.name for path in scans]
+    names = [_as_text(Path(path.name)) for path in scans]
     return {
         "scan": names if len(names) > 1 else names[0],
         "scan_sha256": hashes(scans),
@@ -106,12 +106,17 @@ def hash_inputs(
         "robot_pose_sha256": hashes(robot_poses),
         # for `open_saved_result`
         "inputs": {
-            "scans": [str(path.resolve()) for path in scans],
+            "scans": [_as_text(path.resolve()) for path in scans],
             "scan_unit": str(scan_unit),
-            "camera": None if camera is None else str(camera.resolve()),
-            "prior": str(prior.resolve()),
+            "camera": None if camera is None else _as_text(camera.resolve()),
+            "prior": _as_text(prior.resolve()),
         },
     }
+
+
+def _as_text(path: Path) -> str:
+    """A path that is no UTF-8 cannot stand in JSON: its odd bytes are written as `\\udcff`."""
+    return str(path).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 from boltpose.cli.exit_codes import ExitCode
-from boltpose.cli.locate_inputs import parse_sigma, parse_tool
+from boltpose.cli.locate_inputs import hash_inputs, parse_sigma, parse_tool
 from boltpose.errors import ConfigError
 from boltpose.schema import LocateResult
 from tests.support import results
@@ -125,3 +126,14 @@ def test_the_answer_names_every_file(run: Run, cell: Cell, told: dict) -> None:
     for name in ("scan_sha256", "prior_sha256", "hand_eye_sha256"):
         assert len(provenance[name]) == 64
     json.dumps(provenance)
+
+
+def test_a_name_that_is_no_utf8_still_gives_a_file_that_can_be_read(cell: Cell) -> None:
+    folder = cell.folder / os.fsdecode(b"cell\xff")
+    folder.mkdir()
+    scan, prior = cell.scan.rename(folder / "scan.ply"), cell.prior.rename(folder / "p.prior.npz")
+
+    found = hash_inputs([scan], prior, [cell.hand_eye], [], scan_unit="mm", camera=scan)
+
+    json.dumps(found, ensure_ascii=False).encode("utf-8")  # raises for half a character
+    assert found["inputs"]["scans"] == [str(cell.folder / r"cell\udcff" / "scan.ply")]  # pyright: ignore
