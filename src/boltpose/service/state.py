@@ -171,7 +171,7 @@ class State:
         if not self.pool.ready:
             return "no worker is ready"
         if self.journal.failure:
-            return "the journal's database does not answer"
+            return "the journal cannot be read or written"
         return ""
 
     async def look_after(self) -> None:
