@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+import pty
 import shutil
+import subprocess
+import sys
+import termios
 from pathlib import Path
 from typing import Any
 
@@ -174,3 +178,22 @@ def test_a_line_is_never_broken_and_never_coloured(
     assert outcome.err.startswith(f"boltpose: {name}: found no such file, wanted a scan")
     assert outcome.err.count("\n") == 1
     assert "\x1b" not in outcome.err
+
+
+def test_a_terminal_and_a_pipe_get_the_same_bytes(tmp_path: Path) -> None:
+    deep = str(tmp_path / ("a long folder name " * 8).strip() / "scan.ply")
+    command = [sys.executable, "-m", "boltpose", "locate", deep, "--prior", "p.prior.npz"]
+    environment = os.environ | {"TERM": "xterm-256color"}
+    piped = subprocess.run(
+        command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, check=False, env=environment
+    ).stderr
+    ours, theirs = pty.openpty()
+    with os.fdopen(ours, "rb", buffering=0) as terminal:
+        termios.tcsetwinsize(theirs, (24, 60))  # narrower than the path
+        subprocess.run(command, stderr=theirs, stdout=theirs, check=False, env=environment)
+        os.close(theirs)
+        shown = terminal.read(65536)
+
+    assert piped.count(b"\n") == 1
+    assert deep.encode() in piped
+    assert shown.replace(b"\r\n", b"\n") == piped

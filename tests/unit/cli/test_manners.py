@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -186,6 +187,27 @@ def test_no_colour_where_none_is_wanted(
         assert console.no_color or console.color_system is None
 
 
+COLOUR = re.compile(r"\x1b\[[0-9;]*?(?:3[0-8]|4[0-8]|9[0-7]|10[0-7])[0-9;]*m")
+"""Parameters of SGR that are colours; 1 is bold, 2 dim."""
+
+
+@pytest.mark.parametrize("line", [("prior", "show"), ("locate", "--help")])
+def test_with_no_color_a_terminal_gets_bold_but_no_colour(
+    run: Run, cell: Cell, monkeypatch: pytest.MonkeyPatch, line: tuple[str, ...]
+) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("FORCE_COLOR", "1")  # as on a terminal
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    words = (*line, cell.prior) if line[0] == "prior" else line
+    assert COLOUR.search(run(*words).out)
+    monkeypatch.setenv("NO_COLOR", "1")
+
+    bare = run(*words).out
+
+    assert not COLOUR.search(bare)
+    assert "\x1b[1m" in bare
+
+
 def test_a_warning_keeps_its_brackets(capsys: pytest.CaptureFixture[str]) -> None:
     warn("key [robot] is odd")
 
@@ -221,6 +243,67 @@ def test_completion_knows_commands_and_options() -> None:
         "--hand-eye-unit",
         "--hand-eye-sigma",
     }
+
+
+class Tab:
+    """The Tab key at the end of a line: what boltpose says to the script of a shell."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+        self.monkeypatch, self.capsys = monkeypatch, capsys
+
+    def ask(self, shell: str, line: str, fish: str = "get-args") -> tuple[str, int]:
+        words = str(len(line.split(" ")) - 1)
+        said = {"COMP_WORDS": line, "COMP_CWORD": words, "_TYPER_COMPLETE_ARGS": line}
+        said |= {"_BOLTPOSE_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_FISH_ACTION": fish}
+        with self.monkeypatch.context() as patch:
+            for name, value in said.items():
+                patch.setenv(name, value)
+            with pytest.raises(SystemExit) as end:
+                ROOT.main(args=[], prog_name="boltpose", standalone_mode=False)  # pyright: ignore
+        return self.capsys.readouterr().out, int(end.value.code or 0)
+
+    def words(self, shell: str, line: str) -> list[str]:
+        out = self.ask(shell, line)[0]
+        if shell == "zsh":  # "word":"help" or "word"
+            return re.findall(r'"([^"]+)"(?::"[^"]*")?', out)
+        return [row.split("\t")[0] for row in out.split("\n") if row.strip()]
+
+
+@pytest.fixture
+def tab(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Tab:
+    return Tab(monkeypatch, capsys)
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_the_tab_key_completes_commands_and_choices(tab: Tab, shell: str) -> None:
+    assert tab.words(shell, "boltpose lo") == ["locate"]
+    targets = tab.words(shell, "boltpose export-poses poses.json --to ")
+    assert targets == ["urscript", "kuka", "fanuc", "abb", "ros2-mcap", "bop-csv", "csv"]
+    assert tab.words(shell, "boltpose export-poses poses.json --to k") == ["kuka"]
+
+
+@pytest.mark.parametrize("line", ["boltpose locate sc", "boltpose locate scan.ply --prior mo"])
+def test_the_tab_key_leaves_files_to_the_shell(tab: Tab, line: str) -> None:
+    # bash takes files where boltpose has no words: `-o default` in its script
+    assert tab.words("bash", line) == []
+    assert tab.ask("zsh", line)[0].strip() == "_files"
+    # fish asks first whether boltpose has words, and takes files if not
+    assert tab.ask("fish", line, "is-args")[1] != 0
+    assert tab.ask("fish", "boltpose lo", "is-args")[1] == 0
+
+
+def test_in_bash_the_tab_key_does_it() -> None:
+    script = _complete({"_BOLTPOSE_COMPLETE": "source_bash"}).stdout
+    command = f"{shlex.quote(sys.executable)} -m boltpose"
+    assert "complete -o default -F _boltpose_completion boltpose" in script
+    script = script.replace("complete_bash $1", f"complete_bash {command}")
+    tab = 'COMP_WORDS=(boltpose lo); COMP_CWORD=1; _boltpose_completion x; echo "${COMPREPLY[@]}"'
+
+    done = subprocess.run(
+        ["bash", "--norc", "-c", f"{script}\n{tab}"], capture_output=True, text=True, check=False
+    )
+
+    assert (done.stdout, done.stderr) == ("locate\n", "")
 
 
 def test_bash_takes_the_completion_script() -> None:
