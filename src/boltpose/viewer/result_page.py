@@ -65,6 +65,7 @@ class ResultPage:
         self.shown: Shown | None = None
         """What the page shows; None while it shows nothing."""
         self._colors: ScanColors | None = None
+        self._mode = ColorMode.PLAIN
         self._rejected = page.server.scene.add_label(
             "/rejected",
             "REJECTED candidate: do not use",
@@ -125,6 +126,7 @@ class ResultPage:
         bolts = result.bolts if is_usable else ()
         self.shown, self._colors = shown, colors
         with self.page.server.atomic():
+            self._mode = self.switches.offer(colors.modes(), [_ink(bolt) for bolt in bolts])
             self.bolts.show([_mark(bolt) for bolt in bolts])
             self._show_prior(shown)
             self.setting.show(
@@ -138,26 +140,31 @@ class ResultPage:
             self._table.show(bolt_table(bolts))
             self._detail.show(bolt_detail(None, result.frame))
             self._choice.options = (_NO_BOLT, *(_choice_text(bolt) for bolt in bolts))
-        mode = self.switches.offer(colors.modes(), [_ink(bolt) for bolt in bolts])
+        mode = self._mode
         self.scan.show(points, lambda rows: colors.of(mode, rows))
         self.look("motor")
 
     def recolor(self, mode: ColorMode) -> None:
         """Colour the scan by something else."""
-        colors = self._colors
-        if colors is not None and mode in colors.modes():
-            self.scan.recolor(lambda rows: colors.of(mode, rows))
+        with self._lock:
+            colors, shown = self._colors, self.shown
+            if colors is not None and shown is not None and mode in colors.modes():
+                self._mode = mode
+                self.scan.recolor(lambda rows: colors.of(mode, rows))
+                self._show_prior(shown)
 
     @property
     def labels_from_file(self) -> bool:
         """True if the scan's own file says which part each point belongs to."""
         return self.shown is not None and self.shown.scan.labels is not None
 
-    def prior_legend(self) -> list[tuple[str, str]]:
+    def prior_legend(self, mode: ColorMode) -> list[tuple[str, str]]:
         """Colour and meaning of the registered prior; nothing if there is none."""
         if self.shown is None or self.shown.result.registration is None:
             return []
         if self.shown.result.is_ok:
+            if mode is ColorMode.VISIBILITY:
+                return []  # it has the colours of the scan, which say what was seen of it
             return [(css(_PRIOR), "registered prior: known, not measured")]
         return [(css(_REJECTED), "rejected candidate: do not use")]
 
@@ -202,7 +209,8 @@ class ResultPage:
             return
         page_from_prior = page_frame(result) @ result.registration.camera_from_prior
         points = page_from_prior.apply(prior.points)
-        colors = _prior_colors(prior, page_from_prior, result)
+        tints = None if self._colors is None else self._colors.prior_tints(self._mode)
+        colors = _prior_colors(prior, page_from_prior, result, tints)
         spacing_mm = spacing_of(prior.points)
         if not result.is_ok:
             self._rejected.position = points[int(np.argmax(points[:, 2]))]
@@ -282,11 +290,13 @@ def is_measured(prior: Prior, scan: Scan, camera_from_prior: Transform) -> BoolA
     return np.isfinite(distance)
 
 
-def _prior_colors(prior: Prior, page_from_prior: Transform, result: LocateResult) -> UInt8Array:
+def _prior_colors(
+    prior: Prior, page_from_prior: Transform, result: LocateResult, tints: FloatArray | None
+) -> UInt8Array:
     normals = page_from_prior.rotate(prior.normals)
     up = np.array([0.0, 0.0, 1.0]) if result.frame == "base" else np.array([0.0, -1.0, 0.0])
     towards = np.array([1.0, 0.0, 0.0]) if result.frame == "base" else np.array([0.0, 0.0, -1.0])
-    tint = _PRIOR if result.is_ok else _REJECTED
-    tints: FloatArray = np.tile(tint, (len(normals), 1))
-    tints[prior.labels == Part.BOLT] *= 0.85
+    if tints is None:
+        tints = np.tile(_PRIOR if result.is_ok else _REJECTED, (len(normals), 1))
+        tints[prior.labels == Part.BOLT] *= 0.85
     return lit_colors(tints, light(normals, up, towards))

@@ -13,8 +13,17 @@ from boltpose.picture import paint
 from boltpose.report.residuals import FULL_MM, REACH_MM, residual_tints
 from boltpose.schema import LocateResult, Part, Prior, Scan
 from boltpose.viewer.shade import ScanNormals, light, lit_colors
+from boltpose.viewer.sight import WORDS, MotorSight, Seen
 
 _FIT_SURROUNDINGS = np.array([0.84, 0.86, 0.88])
+_BEFORE = np.array([0.72, 0.52, 0.86])
+_SEEN_TINTS = {
+    Seen.SEEN: np.array([0.42, 0.72, 0.50]),
+    Seen.HIDDEN: np.array([0.98, 0.70, 0.32]),
+    Seen.UNMEASURED: np.array([0.96, 0.90, 0.52]),
+    Seen.TURNED_AWAY: np.array([0.72, 0.80, 0.92]),
+    Seen.SEEN_THROUGH: np.array([0.85, 0.20, 0.22]),
+}
 
 
 class ColorMode(StrEnum):
@@ -22,6 +31,7 @@ class ColorMode(StrEnum):
 
     PARTS = "parts of the motor"
     MOTOR = "motor and surroundings"
+    VISIBILITY = "what the camera saw"
     DISTANCE = "distance to the prior"
     OWN = "colours of the camera"
     PLAIN = "plain"
@@ -52,6 +62,7 @@ class ScanColors:
             self._prior_from_camera = pose.camera_from_prior.inverse()
             self._prior = prior
             self._tree = KDTree(prior.points)
+        self._sight: MotorSight | None = None
         extent = float(np.ptp(scan.points, axis=0).max()) if len(scan) else 1.0
         self._normals = ScanNormals(scan.points, np.zeros(3), max(extent / 300, 0.5))
 
@@ -59,7 +70,8 @@ class ScanColors:
         """What can be shown of this scan, the most telling first."""
         found = [ColorMode.PLAIN]
         if self._tree is not None:
-            found = [ColorMode.MOTOR, ColorMode.PARTS, ColorMode.DISTANCE, *found]
+            known = (ColorMode.MOTOR, ColorMode.PARTS, ColorMode.VISIBILITY, ColorMode.DISTANCE)
+            found = [*known, *found]
         elif self._scan.labels is not None:
             found = [ColorMode.PARTS, *found]
         if self._scan.colors is not None:
@@ -86,6 +98,22 @@ class ScanColors:
         )
         return lit_colors(tints, brightness)
 
+    def prior_tints(self, mode: ColorMode) -> FloatArray | None:
+        """Colours of the registered prior, shape (N, 3), 0 to 1; None if it has one colour."""
+        if mode is not ColorMode.VISIBILITY or self._tree is None:
+            return None
+        table = np.array([_SEEN_TINTS[seen] for seen in Seen])
+        return table[self.sight.of_prior]
+
+    @property
+    def sight(self) -> MotorSight:
+        """What the camera saw of the motor; worked out when it is first asked for."""
+        assert self._prior is not None
+        assert self._prior_from_camera is not None
+        if self._sight is None:
+            self._sight = MotorSight(self._scan, self._prior, self._prior_from_camera.inverse())
+        return self._sight
+
     def _tints(self, mode: ColorMode, points: FloatArray, rows: IntArray) -> FloatArray:
         tints = np.tile(paint.SURROUNDINGS, (len(points), 1))
         if mode is ColorMode.PARTS and self._scan.labels is not None:
@@ -102,6 +130,9 @@ class ScanColors:
             tints[near] = paint.part_tints(self._prior.labels[partner])
         elif mode is ColorMode.MOTOR:
             tints[near] = paint.MOTOR
+        elif mode is ColorMode.VISIBILITY:
+            tints[self.sight.is_before(points)] = _BEFORE
+            tints[near] = _SEEN_TINTS[Seen.SEEN]
         else:
             tints[:] = _FIT_SURROUNDINGS
             offset = in_prior[near] - self._prior.points[partner]
@@ -126,6 +157,13 @@ def legend(mode: ColorMode, *, from_file: bool) -> list[tuple[str, str]]:
     if mode is ColorMode.MOTOR:
         return [
             (css(paint.MOTOR), f"motor: within {REACH_MM:g} mm of the registered prior"),
+            (css(paint.SURROUNDINGS), "anything else"),
+        ]
+    if mode is ColorMode.VISIBILITY:
+        of_prior = [(css(_SEEN_TINTS[seen]), f"motor, {WORDS[seen]}") for seen in Seen]
+        return [
+            *of_prior,
+            (css(_BEFORE), "stands before the motor"),
             (css(paint.SURROUNDINGS), "anything else"),
         ]
     if mode is ColorMode.DISTANCE:

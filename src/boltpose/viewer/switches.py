@@ -41,7 +41,7 @@ class Switched(Protocol):
     def recolor(self, mode: ColorMode) -> None:
         """Colour the scan."""
 
-    def prior_legend(self) -> list[tuple[str, str]]:
+    def prior_legend(self, mode: ColorMode) -> list[tuple[str, str]]:
         """Colour and meaning of the registered prior; nothing if there is none."""
         ...
 
@@ -116,7 +116,7 @@ class Switches:
         parts: list[Html | None] = [mark_legend(inks)]
         if mode is not None:
             entries = legend(mode, from_file=self._on.labels_from_file)
-            parts.append(color_legend([*entries, *self._on.prior_legend()], "Surfaces"))
+            parts.append(color_legend([*entries, *self._on.prior_legend(mode)], "Surfaces"))
         self._legend.show(join(parts))
 
     def _recolor(self) -> None:
