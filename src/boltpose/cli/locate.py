@@ -97,6 +97,14 @@ def locate_bolts(
         Method | None,
         typer.Option("--method", help="Registration; `paper` needs the `bench` extra."),
     ] = None,
+    max_age: Annotated[
+        float | None,
+        typer.Option(
+            "--max-age",
+            metavar="SECONDS",
+            help="Refuse a scan or robot pose written longer ago: the camera may have failed.",
+        ),
+    ] = None,
     models: ModelsOption = None,
     config: ConfigOption = None,
 ) -> None:
@@ -129,7 +137,7 @@ def locate_bolts(
     remove_stale(output, picture, report)
 
     from boltpose.cli.locate_call import call_locate
-    from boltpose.cli.locate_inputs import InputStamps, hash_inputs, read_shots
+    from boltpose.cli.locate_inputs import InputStamps, check_age, hash_inputs, read_shots
     from boltpose.locate_config import LocateConfig
     from boltpose.registration.config import RegistrationConfig
     from boltpose.results import dump_json, write_poses
@@ -140,6 +148,7 @@ def locate_bolts(
         label_scan=picture is not None,
         tool=given.tool,
     )
+    check_age((*scans, *given.robot_poses), max_age)
     stamps = InputStamps.of(path for path in inputs if path is not None)
     shots = read_shots(
         scans,

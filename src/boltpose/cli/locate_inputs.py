@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,7 +116,7 @@ def hash_inputs(
 
 
 def _as_text(path: Path) -> str:
-    """A path that is no UTF-8 cannot stand in JSON: its odd bytes are written as `\\udcff`."""
+    r"""A path that is no UTF-8 cannot stand in JSON: its odd bytes are written as `\udcff`."""
     return str(path).encode("utf-8", "backslashreplace").decode("utf-8")
 
 
@@ -159,6 +160,31 @@ def _stamp(path: Path) -> tuple[int, int, int] | None:
     except OSError:  # the reader says what is wrong with it
         return None
     return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def check_age(paths: Iterable[Path], max_age_s: float | None) -> None:
+    """Refuse files that were written too long ago: a camera that did not write leaves the old scan.
+
+    Args:
+        paths: Scans and robot poses; one that is missing is left to its reader.
+        max_age_s: None checks nothing.
+
+    Raises:
+        ConfigError: The age is not positive.
+        InputFileError: A file is older, or from the future.
+    """
+    if max_age_s is None:
+        return
+    if not max_age_s > 0:
+        raise ConfigError(f"--max-age must be positive, got {max_age_s:g}")
+    for path in paths:
+        if not path.is_file():
+            continue
+        age_s = time.time() - path.stat().st_mtime
+        if not 0 <= age_s <= max_age_s:
+            when = f"{age_s:.0f} s ago" if age_s >= 0 else f"{-age_s:.0f} s from now"
+            wanted = f"at most {max_age_s:g} s ago (--max-age): scan again"
+            raise InputFileError(path, f"a file written {when}", wanted)
 
 
 def parse_sigma(text: str | None) -> HandEyeError | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import time
 from collections.abc import Callable
 
 import pytest
@@ -106,3 +108,31 @@ def test_of_a_folder_the_prior_that_was_found_has_its_hash(
     )
     assert outcome.code == ExitCode.OK
     assert json.loads(poses.read_text())["provenance"]["prior_sha256"] == sha256_of(cell.prior)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "found"), [(100.0, "written 100 s ago"), (-100.0, "written 100 s from now")]
+)
+def test_an_old_scan_or_robot_pose_gives_no_pose(
+    run: Run, cell: Cell, answer: Answer, age_s: float, found: str
+) -> None:
+    answer(while_it_works(lambda: None))
+    poses, arm = cell.folder / "poses.json", cell.folder / "arm.yaml"
+    write_matrix(arm, results.BASE_FROM_CAMERA.matrix)
+    call = (
+        "locate", cell.scan, "--prior", cell.prior, "--hand-eye", cell.hand_eye,
+        "--robot-pose", arm, "-o", poses, "--max-age",
+    )  # fmt: skip
+    assert run(*call, "60").code == ExitCode.OK
+    for path in (cell.scan, arm):
+        kept = path.stat().st_mtime
+        then = time.time() - age_s
+        os.utime(path, (then, then))
+        outcome = run(*call, "60")
+        assert outcome.code == ExitCode.BAD_INPUT
+        assert f"{path.name}: found a file {found}" in " ".join(outcome.err.split())
+        assert not poses.exists()
+        if age_s > 0:
+            assert run(*call, "200").code == ExitCode.OK
+        os.utime(path, (kept, kept))
+    assert run(*call, "0").code == run(*call, "nan").code == ExitCode.BAD_INPUT
