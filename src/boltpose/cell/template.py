@@ -22,6 +22,10 @@ _EXAMPLES = {
     ("locate", "models"): '"networks"    # by default the shipped ones',
     ("locate", "tool_tolerance"): "[0.4, 1.0, 2.0]    # mm beside, mm along, degrees",
     ("robot", "tcp"): '"flange_from_tool.yaml"    # poses of the flange instead of the tool',
+    (
+        "robot",
+        "workspace_mm",
+    ): "[400, 800, -300, 300, 50, 400]    # x from, to, y, z: of heads in base",
     ("robot", "min_tool_fits"): "0.9",
     ("robot", "max_sigma_mm"): "0.5",
     ("robot", "max_sigma_axis_deg"): "0.5",

@@ -59,6 +59,10 @@ class RobotConfig:
     """Bolts of the prior that no person has confirmed."""
     include_contradicted: bool = False
     """Places where the camera saw something else than the bolt. For tests without a tool only."""
+    workspace_mm: tuple[float, float, float, float, float, float] | None = None
+    """Where heads of bolts can be in the base: x from, to, y from, to, z from, to. If one of the
+    result is elsewhere the frame is wrong (a hand-eye of another unit or camera), and no bolt gets
+    a pose. None checks nothing."""
     min_confidence: float = 0.0
     """Bolts below are left out; 0 to 1."""
     min_tool_fits: float | None = None
@@ -94,6 +98,13 @@ class RobotConfig:
                     f"{self.contact_offset_mm:g} does not leave the bolt's head: make it larger"
                 )
         parse_direction(self.tool_x)
+        if self.workspace_mm is not None:
+            sides = zip(self.workspace_mm[::2], self.workspace_mm[1::2], strict=True)
+            if not all(-math.inf < low < high < math.inf for low, high in sides):
+                raise ConfigError(
+                    "workspace_mm must be x from, to, y from, to, z from, to, each smaller than "
+                    f"the next, got {list(self.workspace_mm)}"
+                )
         object.__setattr__(self, "order", _as_order(self.order))
         _check_range("min_confidence", self.min_confidence, 0.0, 1.0)
         if self.min_tool_fits is not None:

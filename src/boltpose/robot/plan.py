@@ -93,7 +93,8 @@ def plan_tools(
             without it `base_from_tool`.
 
     Raises:
-        PosesRefusedError: The result is refused, or no bolt is left.
+        PosesRefusedError: The result is refused, a bolt lies outside the workspace, or none is
+            left.
         FrameError: The result is in frame `camera` or its hand-eye is the identity, or the TCP is
             of other frames.
         ConfigError: `min_tool_fits` is wanted of a result that has no `p_tool_fits`.
@@ -114,6 +115,7 @@ def plan_tools(
             "the hand-eye is the identity, so 'base' is the camera itself, not the robot's: run "
             "boltpose locate with the calibrated --hand-eye FILE"
         )
+    _require_within(result, config)
     if flange_from_tool is not None and (flange_from_tool.target, flange_from_tool.source) != (
         "flange",
         "tool",
@@ -158,7 +160,8 @@ def plan_tool_poses(
     """Return the tool's poses at every bolt that may be approached, in order.
 
     Raises:
-        PosesRefusedError: The result is refused, or no bolt is left.
+        PosesRefusedError: The result is refused, a bolt lies outside the workspace, or none is
+            left.
         FrameError: The result is in frame `camera` or its hand-eye is the identity, or the TCP is
             of other frames.
         ConfigError: `min_tool_fits` is wanted of a result that has no `p_tool_fits`.
@@ -195,6 +198,20 @@ def _direction(tool_x: str, head_top: FloatArray) -> FloatArray:
         return np.array([1.0, 0.0, 0.0])
     sign = 1.0 if direction == "outward" else -1.0
     return np.array([sign * head_top[0] / radius, sign * head_top[1] / radius, 0.0])
+
+
+def _require_within(result: LocateResult, config: RobotConfig) -> None:
+    """Of all bolts, also of those that get no pose: a wrong frame moves them all."""
+    if config.workspace_mm is None:
+        return
+    low, high = np.array(config.workspace_mm[::2]), np.array(config.workspace_mm[1::2])
+    for bolt in result.bolts:
+        if not ((low <= bolt.head_top) & (bolt.head_top <= high)).all():
+            where = ", ".join(f"{value:.0f}" for value in bolt.head_top)
+            raise PosesRefusedError(
+                f"bolt {bolt.id} is at {where} mm, outside workspace_mm "
+                f"{list(config.workspace_mm)}: is it the right hand-eye, in the right unit?"
+            )
 
 
 def _reason_against(bolt: LocatedBolt, config: RobotConfig) -> str | None:

@@ -246,3 +246,27 @@ def test_no_bolt_left_is_a_refusal() -> None:
         plan_tools(result(bolt(visibility=Visibility.HIDDEN)))
     with pytest.raises(PosesRefusedError, match="the prior has none"):
         plan_tools(of_axes([]))
+
+
+def test_a_bolt_outside_the_workspace_means_a_wrong_frame_for_all() -> None:
+    near = bolt("T1", at=(600.0, 100.0, 300.0))
+    hidden = bolt("T2", at=(60.0, 10.0, 30.0), visibility=Visibility.HIDDEN)
+    box = RobotConfig(workspace_mm=(550.0, 650.0, 50.0, 150.0, 300.0, 350.0))
+    assert [pose.bolt.id for pose in plan_tools(result(near), box).poses] == ["T1"]
+    with pytest.raises(PosesRefusedError, match="bolt T2 is at 60, 10, 30 mm, outside workspace"):
+        plan_tools(result(near, hidden), box)
+    for axis in range(3):
+        for step in (-150.0, 150.0):
+            at = np.array([600.0, 100.0, 325.0])
+            at[axis] += step
+            with pytest.raises(PosesRefusedError, match="outside workspace_mm"):
+                plan_tools(result(bolt("T1", at=tuple(at))), box)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [(1.0, 0.0, 0.0, 1.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0, 0.0, math.inf), (math.nan,) * 6],
+)
+def test_a_workspace_has_three_sides(box: tuple[float, ...]) -> None:
+    with pytest.raises(ConfigError, match="workspace_mm must be x from, to"):
+        RobotConfig(workspace_mm=box)
