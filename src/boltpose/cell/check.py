@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from boltpose.cell.locate_section import LocateSection
+from boltpose.cell.slips import tell_file_error
 from boltpose.errors import BoltposeError, InputFileError
-from boltpose.geometry.transforms import rotation_angle_rad
+from boltpose.geometry.transforms import Transform, rotation_angle_rad
 from boltpose.io.guard import require_file
 from boltpose.io.hand_eye import hand_eye_error, read_hand_eye
 from boltpose.prior.file import read_prior
@@ -22,6 +23,10 @@ from boltpose.segmentation.models import load_models
 
 _CAMERA_NUMBERS = 9
 """Of a 3 x 3 camera matrix."""
+
+
+_FAR_MM = {"base": 5000.0, "flange": 1000.0}
+"""Further off is hardly a camera over a robot's cell, or on its arm: inches or cm, perhaps."""
 
 
 class Level(StrEnum):
@@ -52,7 +57,7 @@ def check_locate(section: LocateSection) -> Iterator[Finding]:
     """
     yield from _say("prior", lambda: _check_priors(section.prior))
     yield from _say("hand_eye", lambda: _check_hand_eye(section))
-    yield from _say("models", lambda: _check_models(section.models))
+    yield from _say("models", lambda: describe_models(section.models))
     if section.camera is not None:
         camera = section.camera
         yield from _say("camera", lambda: _check_camera(camera))
@@ -61,6 +66,9 @@ def check_locate(section: LocateSection) -> Iterator[Finding]:
 def _say(key: str, check: Callable[[], Iterable[tuple[Level, str]]]) -> Iterator[Finding]:
     try:
         found = tuple(check())
+    except InputFileError as error:
+        # the text is that of the command line
+        found = ((Level.FAIL, tell_file_error(error).replace("--hand-eye-unit", "hand_eye_unit")),)
     except (BoltposeError, OSError) as error:
         found = ((Level.FAIL, str(error)),)
     for level, text in found:
@@ -104,13 +112,7 @@ def _check_hand_eye(section: LocateSection) -> Iterator[tuple[Level, str]]:
         # that of a camera on the arm names its frames, or cannot be told from the other
         target = "flange"
         found = read_hand_eye(section.hand_eye, unit=section.hand_eye_unit, target="flange")
-    arm = float(np.linalg.norm(found.transform.translation_mm))
-    turn = float(np.degrees(rotation_angle_rad(found.transform.rotation)))
-    text = f"{target}_from_camera, {arm:.0f} mm, {turn:.0f} degrees"
-    if arm == 0 and turn == 0:
-        yield Level.WARN, f"{text}: the identity, so `base` would be the camera itself"
-    else:
-        yield Level.OK, text
+    yield _describe_camera(found.transform, target)
     error = hand_eye_error(found)
     if error is None and section.hand_eye_sigma is None:
         yield (
@@ -119,7 +121,31 @@ def _check_hand_eye(section: LocateSection) -> Iterator[tuple[Level, str]]:
         )
 
 
-def _check_models(folder: Path | None) -> Iterator[tuple[Level, str]]:
+def _describe_camera(target_from_camera: Transform, target: str) -> tuple[Level, str]:
+    """Say where the camera is and which way it looks, for a person to compare with the cell.
+
+    A matrix the wrong way round is as rigid as the right one, and nothing else shows it.
+    """
+    x, y, z = target_from_camera.translation_mm
+    reach_mm = float(np.linalg.norm(target_from_camera.translation_mm))
+    look = " ".join(f"{value + 0.0:.2f}" for value in np.round(target_from_camera.z_axis, 2))
+    text = (
+        f"{target}_from_camera: the camera is {reach_mm:.0f} mm off the {target}, "
+        f"at {x:.0f} {y:.0f} {z:.0f}, and looks along {look}"
+    )
+    if reach_mm == 0 and rotation_angle_rad(target_from_camera.rotation) == 0:
+        return Level.WARN, f"{text}; the identity, so `{target}` would be the camera itself"
+    if reach_mm > _FAR_MM[target]:
+        return Level.WARN, f"{text}; that is far, is hand_eye_unit right?"
+    return Level.OK, f"{text}; is that so?"
+
+
+def describe_models(folder: Path | None) -> Iterator[tuple[Level, str]]:
+    """Load networks; says which they are.
+
+    Raises:
+        InputFileError: They cannot be used.
+    """
     models = load_models(folder)
     names = ", ".join(f"{name} {digest[:12]}" for name, digest in sorted(models.hashes.items()))
     yield Level.OK, f"{'shipped' if folder is None else folder}: {names}"

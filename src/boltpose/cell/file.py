@@ -9,8 +9,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
-from boltpose.cell.fill import did_you_mean, fill_settings
+from boltpose.cell.fill import fill_settings
 from boltpose.cell.locate_section import LocateSection
+from boltpose.cell.slips import did_you_mean
 from boltpose.errors import ConfigError, InputFileError
 from boltpose.io.guard import require_file
 
@@ -63,7 +64,11 @@ class CellFile:
             if isinstance(defaults.get(key), str):
                 # a folder by default lies beside the file too, wherever the command is called
                 table.setdefault(key, defaults[key])
-            if isinstance(table.get(key), str) and table[key]:
+            if table.get(key) == "":  # pathlib takes it for the folder of the command
+                raise InputFileError(
+                    self.path, f"[{section}] {key} = ''", "a path, or # before the line"
+                )
+            if isinstance(table.get(key), str):
                 # expanduser: a file is not read by a shell
                 table[key] = str(self.path.parent / Path(table[key]).expanduser())
         return fill_settings(self.path, section, table, kind)
@@ -107,11 +112,12 @@ def read_cell(path: str | Path) -> CellFile:
     source = require_file(Path(path), _WANTED).resolve()
     content = source.read_bytes()
     try:
-        data = tomllib.loads(content.decode("utf-8"))
+        data = tomllib.loads(content.decode("utf-8-sig"))  # Notepad puts a mark in front
     except UnicodeDecodeError as error:
         raise InputFileError(path, "bytes that are no UTF-8", _WANTED) from error
     except tomllib.TOMLDecodeError as error:
-        raise InputFileError(path, f"no TOML ({error})", _WANTED) from error
+        hint = "; write paths with / or in 'single quotes'" if "\\" in str(error) else ""
+        raise InputFileError(path, f"no TOML ({error}){hint}", _WANTED) from error
     for name, table in data.items():
         if name in SECTIONS and isinstance(table, dict):
             continue

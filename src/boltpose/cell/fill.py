@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
+from boltpose.cell.slips import did_you_mean
 from boltpose.errors import BoltposeError, InputFileError
 
 SettingsT = TypeVar("SettingsT")
+_WANTED = {
+    "tuple_type": "a list in brackets, like [1.0, 2.0]",
+    "missing": "more values in the list",
+    "too_long": "fewer values in the list",
+}
+"""Where pydantic speaks to programmers; by its type of error."""
 
 
 def fill_settings(
@@ -44,12 +50,6 @@ def fill_settings(
         raise InputFileError(path, f"[{section}] {error}", "a value in its range") from error
 
 
-def did_you_mean(name: str, known: Sequence[str]) -> str:
-    """Return ` (did you mean 'x'?)` for a slip of the keyboard, or nothing."""
-    near = get_close_matches(name, known, n=1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
-
-
 def _typed(path: Path, section: str, key: str, value: Any, hint: Any) -> Any:
     try:
         # strict for JSON: a list may become a tuple and a word a name, but "5" is no number
@@ -58,5 +58,5 @@ def _typed(path: Path, section: str, key: str, value: Any, hint: Any) -> Any:
         raise InputFileError(path, f"[{section}] {key} = {value}", "no date") from error
     except ValidationError as error:
         first = error.errors()[0]
-        wanted = first["msg"].removeprefix("Input should be ")
+        wanted = _WANTED.get(first["type"]) or first["msg"].removeprefix("Input should be ")
         raise InputFileError(path, f"[{section}] {key} = {value!r}", wanted) from error

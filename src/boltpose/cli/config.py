@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import socket
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,12 +15,11 @@ from boltpose.cli.console import answer_console, answer_json, note
 from boltpose.cli.exit_codes import ExitCode
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import check_output
-from boltpose.errors import BoltposeError, InputFileError
+from boltpose.errors import InputFileError
 
 if TYPE_CHECKING:
     from boltpose.cell import CellFile
     from boltpose.cell.check import Finding
-    from boltpose.service.config import ServiceConfig
 
 _FILE = "boltpose.toml"
 _INK = {"ok": "green", "warn": "yellow", "fail": "bold red"}
@@ -55,8 +52,10 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Test everything the settings name: files, ranges, the service's address; exit 2 on a fail."""
+    from boltpose.cli.config_check import check_cell
+
     cell = _require_cell(file)
-    findings = list(_check(cell))
+    findings = list(check_cell(cell, _kinds()))
     has_failed = any(finding.level == "fail" for finding in findings)
     if as_json:
         found = [
@@ -124,74 +123,6 @@ def _require_cell(file: Path | None) -> CellFile:
             _FILE, "no such file here, and no BOLTPOSE_CONFIG", "`boltpose config init` makes one"
         )
     return read_cell(found[0])
-
-
-def _check(cell: CellFile) -> Iterator[Finding]:
-    from boltpose.cell.check import Finding, Level, check_locate
-
-    for section, kind in _kinds().items():
-        try:
-            settings = cell.settings(section, kind)
-        except BoltposeError as error:
-            yield Finding(section=section, key="", level=Level.FAIL, text=str(error))
-            continue
-        if section == "locate":
-            yield from check_locate(settings)
-        elif cell.tables.get(section):
-            yield Finding(section=section, key="", level=Level.OK, text="keys and ranges")
-        if section == "robot" and settings.tcp is not None:
-            yield _check_tcp(settings.tcp)
-        if section == "service" and cell.tables.get(section):
-            yield from _check_service(settings)
-
-
-def _check_tcp(path: str) -> Finding:
-    from boltpose.cell.check import Finding, Level
-    from boltpose.io.hand_eye import read_hand_eye
-
-    try:
-        found = read_hand_eye(path, target="flange", source="tool")
-    except BoltposeError as error:
-        return Finding(section="robot", key="tcp", level=Level.FAIL, text=str(error))
-    x, y, z = found.transform.translation_mm
-    text = f"the tool's tip at {x:.1f} {y:.1f} {z:.1f} mm of the flange"
-    return Finding(section="robot", key="tcp", level=Level.OK, text=text)
-
-
-def _check_service(config: ServiceConfig) -> Iterator[Finding]:
-    from boltpose.cell.check import Finding, Level
-
-    def say(key: str, level: Level, text: str) -> Finding:
-        return Finding(section="service", key=key, level=level, text=text)
-
-    for key in ("priors", "scans", "models"):
-        folder = getattr(config, key)
-        if folder is not None and not Path(folder).is_dir():
-            # the service makes the folder of its priors; the others are somebody else's
-            level = Level.WARN if key == "priors" else Level.FAIL
-            yield say(key, level, f"{folder}: found no such folder, wanted one")
-    data = Path(config.data)
-    above = next((place for place in (data, *data.parents) if place.exists()), Path("/"))
-    if not os.access(above, os.W_OK):
-        yield say("data", Level.FAIL, f"{above}: found no right to write, wanted it")
-    with socket.socket(socket.AF_INET6 if ":" in config.host else socket.AF_INET) as probe:
-        try:
-            probe.bind((config.host, config.port))
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            text = f"{config.host} port {config.port}: {reason}; is the service running?"
-            yield say("port", Level.WARN, text)
-    if not config.is_loopback:
-        from boltpose.service.keys import KeyRing
-
-        try:
-            count = len(KeyRing(data).keys) if data.is_dir() else 0
-        except BoltposeError as error:
-            yield say("data", Level.FAIL, str(error))
-            return
-        level = Level.OK if count else Level.FAIL
-        text = f"{config.host} is no loopback address: found {count} API keys, wanted one or more"
-        yield say("host", level, text + ("" if count else " (`boltpose serve --new-key NAME`)"))
 
 
 def _print(cell: CellFile, findings: list[Finding]) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import typer
@@ -20,8 +18,10 @@ def error_line(error: BaseException) -> str:
     """
     if isinstance(error, typer.TyperException):
         text = _of_command_line(error)
-    elif isinstance(error, InputFileError) and error.found.startswith("no "):
-        text = str(error).replace(error.found, error.found + _near_file(error.path), 1)
+    elif isinstance(error, InputFileError):
+        from boltpose.cell.slips import tell_file_error
+
+        text = tell_file_error(error)
     elif isinstance(error, OSError) and error.filename is not None and error.strerror:
         text = f"{error.filename}: {error.strerror.lower()}"
     else:
@@ -51,7 +51,7 @@ def _of_command_line(error: typer.TyperException) -> str:
     if kind is not None and cause is not None:
         given, name = str(cause.errors()[0]["input"]), error.param.get_error_hint()  # pyright: ignore
         if kind.is_choice:
-            from boltpose.cell.fill import did_you_mean
+            from boltpose.cell.slips import did_you_mean
 
             known = [str(choice) for choice in kind.choices]
             given_hint = f"'{given}'{did_you_mean(given, known)}"
@@ -63,26 +63,3 @@ def _of_command_line(error: typer.TyperException) -> str:
     if context is not None:
         text = f"{text.rstrip('.')}; see `{context.command_path} --help`"
     return text
-
-
-def _near_file(path: Path) -> str:
-    """Return ` (did you mean 'scan.zdf'?)` where a path is one slip away from one that exists.
-
-    Another number is no slip: `scan_0041.zdf` is another clamping than `scan_0040.zdf`.
-    """
-    from boltpose.cell.fill import did_you_mean
-
-    try:
-        missing = path
-        while not missing.parent.exists():
-            missing = missing.parent
-        rest = path.relative_to(missing)
-        numbers = re.findall(r"\d+", missing.name)
-        near = sorted(
-            entry.name
-            for entry in missing.parent.iterdir()
-            if re.findall(r"\d+", entry.name) == numbers and (entry / rest).exists()
-        )
-        return "" if missing.exists() else did_you_mean(missing.name, near)
-    except OSError:  # a folder we may not look into, a name that is too long
-        return ""

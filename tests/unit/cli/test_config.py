@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from boltpose.cell import LocateSection, find_cell, read_cell
@@ -302,3 +305,156 @@ def test_check_fails_where_others_reach_a_service_without_keys(
     assert "fail [service] host" in before
     assert "ok   [service] host" in after
     assert "fail [service]" not in after
+
+
+# --- what a cell engineer gets wrong
+
+
+@pytest.fixture
+def cell_files(tmp_path: Path) -> Path:
+    """A prior, and hand-eye matrices of which one is right."""
+    write_prior(tmp_path / "cube.prior.npz", results.cube_prior())
+    right = results.BASE_FROM_CAMERA.matrix
+
+    def put(name: str, matrix: np.ndarray) -> None:
+        (tmp_path / name).write_text(json.dumps(matrix.tolist()))
+
+    put("right.json", right)
+    metres, left, sheared = right.copy(), right.copy(), right.copy()
+    metres[:3, 3] /= 1000
+    left[:3, 0] *= -1
+    sheared[0, 1] += 0.1
+    put("metres.json", metres)
+    put("left.json", left)
+    put("sheared.json", sheared)
+    archive: dict[str, Any] = dict(np.load(tmp_path / "cube.prior.npz"))
+    header = json.loads(str(archive["header"])) | {"format": "boltpose.prior/0"}
+    archive["header"] = np.array(json.dumps(header))
+    np.savez(tmp_path / "old.prior.npz", **archive)
+    return tmp_path
+
+
+def check_of(
+    capsys: pytest.CaptureFixture[str], folder: Path, text: str
+) -> tuple[int, dict[tuple[str, str, str], str]]:
+    toml(folder, text)
+    code, out, _ = run(capsys, "config", "check", "--json")
+    found = json.loads(out)["findings"]
+    return code, {(f["section"], f["key"], f["level"]): f["text"] for f in found}
+
+
+@pytest.mark.parametrize(
+    ("line", "place", "says"),
+    [
+        (
+            '[locate]\nhand_eye = "metres.json"',
+            "locate.hand_eye",
+            "looks like m: set hand_eye_unit",
+        ),
+        ('[locate]\nhand_eye = "right.json"\nhand_eye_unit = "m"', "locate.hand_eye", "like mm"),
+        ('[locate]\nhand_eye = "left.json"', "locate.hand_eye", "mirrored rotation part"),
+        ('[locate]\nhand_eye = "sheared.json"', "locate.hand_eye", "wanted a rotation matrix"),
+        ('[locate]\nhand_eye = "rigth.json"', "locate.hand_eye", "did you mean 'right.json'?"),
+        ('[locate]\nprior = "old.prior.npz"', "locate.prior", "format 'boltpose.prior/0'"),
+        ('[locate]\nprior = ""', "locate.", "prior = '', wanted a path"),
+        ("[locate]\ntool_tolerance = 0.4", "locate.", "wanted a list in brackets"),
+        (
+            '[locate]\nhand_eye = "right.json"\nhand_eye_sigma = [0.2]',
+            "locate.",
+            "wanted more values in the list",
+        ),
+        ('[robot]\ntcp = "metres.json"', "robot.tcp", "wanted a matrix in mm"),
+        ('[robot]\ntcp = "left.json"', "robot.tcp", "mirrored rotation part"),
+        ('[service]\ndata = "right.json"', "service.data", "found a file, wanted a folder"),
+        ('[service]\ndata = "right.json/below"', "service.data", "found a file, wanted a folder"),
+        ('[service]\npriors = "right.json"', "service.priors", "found a file, wanted a folder"),
+        ('[service]\nmodels = "."', "service.models", "found no network"),
+        ('[service]\ndatabase = "mysql://x"', "service.database", "wanted a URL like postgresql"),
+        ('[service]\nhost = "192.0.2.7"', "service.host", "found 0 API keys"),
+    ],
+)
+def test_check_fails_on_what_production_would_stumble_over(
+    cell_files: Path, capsys: pytest.CaptureFixture[str], line: str, place: str, says: str
+) -> None:
+    code, found = check_of(capsys, cell_files, line + "\n")
+    section, _, key = place.partition(".")
+
+    assert code == 2
+    assert says in found[section, key, "fail"]
+    assert "--" not in found[section, key, "fail"].split("(`boltpose")[0]  # keys, not options
+
+
+def test_check_says_where_the_camera_is_for_a_matrix_the_wrong_way_round_is_rigid_too(
+    cell_files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    right = results.BASE_FROM_CAMERA
+    x, y, z = (f"{value:.0f}" for value in right.translation_mm)
+
+    code, found = check_of(capsys, cell_files, '[locate]\nhand_eye = "right.json"\n')
+
+    assert code == 0
+    assert f"off the base, at {x} {y} {z}, and looks along" in found["locate", "hand_eye", "ok"]
+    look = found["locate", "hand_eye", "ok"].split("along ")[1].split(";")[0]
+    np.testing.assert_allclose([float(v) for v in look.split()], right.z_axis, atol=0.006)
+
+
+def test_check_doubts_a_camera_that_is_farther_off_than_a_robot_reaches(
+    cell_files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = f'[locate]\nhand_eye = "right.json"\nhand_eye_unit = "cm"\n{SIGMA}\n'
+
+    code, found = check_of(capsys, cell_files, text)
+
+    assert code == 0
+    assert "is hand_eye_unit right?" in found["locate", "hand_eye", "warn"]
+
+
+@pytest.mark.parametrize("section", ["service", "viewer"])
+def test_check_tells_a_port_in_use(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], section: str
+) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+
+        code, found = check_of(capsys, tmp_path, f"[{section}]\nport = {port}\n")
+
+    assert code == 0
+    assert f"port {port}: address already in use" in found[section, "port", "warn"]
+    assert (section, "port", "warn") not in check_of(
+        capsys, tmp_path, f"[{section}]\nport = {port}\n"
+    )[1]
+
+
+def test_check_tells_a_folder_of_the_service_that_cannot_be_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object) -> bool:
+        return False
+
+    monkeypatch.setattr(os, "access", refused)  # the tests may run as root
+
+    code, found = check_of(capsys, tmp_path, '[service]\ndata = "deep/below"\n')
+
+    assert code == 2
+    assert f"folder '{tmp_path}' is not writable" in found["service", "data", "fail"]
+
+
+def test_check_tells_that_a_tool_cannot_fit_without_its_tolerance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = "[robot]\nmin_tool_fits = 0.9\n"
+
+    assert "tool_tolerance" in check_of(capsys, tmp_path, text)[1]["robot", "min_tool_fits", "warn"]
+    found = check_of(capsys, tmp_path, "[locate]\ntool_tolerance = [0.4]\n" + text)[1]
+    assert ("robot", "min_tool_fits", "warn") not in found
+
+
+def test_a_file_of_notepad_is_read_and_a_backslash_is_explained(tmp_path: Path) -> None:
+    path = tmp_path / "boltpose.toml"
+    path.write_bytes(b'\xef\xbb\xbf[locate]\r\nprior = "p.npz"\r\n')
+    assert read_cell(path).locate().prior == tmp_path / "p.npz"
+    path.write_text('[locate]\nprior = "C:\\motors\\p.npz"\n')
+    with pytest.raises(InputFileError, match="write paths with / or in 'single quotes'"):
+        read_cell(path)
