@@ -25,7 +25,7 @@ _EXAMPLES = {
     (
         "robot",
         "workspace_mm",
-    ): "[400, 800, -300, 300, 50, 400]    # x from, to, y, z: of heads in base",
+    ): "[400, 800, -300, 300, 50, 400]    # x from, to, y, z of heads",
     ("robot", "min_tool_fits"): "0.9",
     ("robot", "max_sigma_mm"): "0.5",
     ("robot", "max_sigma_axis_deg"): "0.5",
