@@ -29,8 +29,14 @@ class ErrorAnswer(BaseModel):
     error: ErrorText
 
 
+_RETRY_AFTER = {"schema": {"type": "integer"}, "description": "Seconds to wait"}
+
 ERRORS: dict[int | str, dict[str, Any]] = {
-    status: {"model": ErrorAnswer, "description": text}
+    status: {
+        "model": ErrorAnswer,
+        "description": text,
+        **({"headers": {"Retry-After": _RETRY_AFTER}} if status in (429, 503) else {}),
+    }
     for status, text in {
         400: "Malformed request",
         401: "API key missing or wrong",
@@ -47,6 +53,7 @@ ERRORS: dict[int | str, dict[str, Any]] = {
         501: "Not installed",
         503: "Not ready, or waited too long",
         504: "The computation took too long",
+        507: "The service's disk is full",
     }.items()
 }
 """For OpenAPI; every route may answer these."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -17,6 +18,8 @@ from boltpose.service.metrics import Metrics
 
 OPEN_PATHS = ("/v1/health/live", "/v1/health/ready")
 """Answered without a key: they say yes or no."""
+_DISCARD_S = 5.0
+_DISCARD_IDLE_S = 0.3
 _KNOWN_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS")
 
 
@@ -48,11 +51,15 @@ class Guard:
             await self._app(scope, receive, send)
             return
         status = 500
+        headers = _headers_of(scope)
+        body = _Limited(receive, self._config)
 
         async def count(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
+                if status >= 400 and status != 408 and "expect" not in headers:
+                    await body.discard()
                 message["headers"] = [
                     *message["headers"],
                     (b"x-content-type-options", b"nosniff"),
@@ -61,7 +68,6 @@ class Guard:
             await send(message)
 
         try:
-            headers = _headers_of(scope)
             try:
                 self._check_host(headers)
                 self._check_origin(headers)
@@ -71,7 +77,7 @@ class Guard:
                 self._metrics.errors.labels(error.code).inc()
                 await error_answer(error)(scope, receive, count)
                 return
-            await self._app(scope, _Limited(receive, self._config), count)
+            await self._app(scope, body, count)
         finally:
             route = scope.get("route")
             path = getattr(route, "path", "other")
@@ -150,11 +156,20 @@ class _Limited:
                 f"the request did not come in within {self._config.upload_timeout_s:g} s",
             ) from None
         if message["type"] == "http.request":
+            self._is_whole = not message.get("more_body", False)
             self._left -= len(message.get("body", b""))
             if self._left < 0:
                 raise _too_large(self._config.max_upload_bytes)
-            self._is_whole = not message.get("more_body", False)
         return message
+
+    async def discard(self) -> None:
+        """Read on for a while: most clients look for an answer only when they have sent all."""
+        end = time.monotonic() + _DISCARD_S
+        with suppress(TimeoutError):
+            while not self._is_whole and time.monotonic() < end:
+                async with asyncio.timeout(_DISCARD_IDLE_S):
+                    message = await self._receive()
+                self._is_whole = not message.get("more_body", False)
 
 
 def _check_length(headers: dict[str, str], limit: int) -> None:

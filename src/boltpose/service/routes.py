@@ -24,6 +24,8 @@ from boltpose.service.state import State
 JournalId = Annotated[str, Path(pattern=r"^[0-9T]{21}-[0-9a-f]{8}$")]
 PriorName = Annotated[str, Path(min_length=1, max_length=200)]
 
+_REQUEST_ID = {"schema": {"type": "string"}, "description": "Id in the journal"}
+
 
 class _Answer(BaseModel):
     model_config = ConfigDict(extra="forbid")
@@ -133,6 +135,7 @@ def _add_locate(router: APIRouter, state: State) -> None:
         tags=["locate"],
         response_model=PosesFile,
         response_description="poses.json; a refused pose is an answer too: read `status` first",
+        responses={200: {"headers": {"X-Boltpose-Request": _REQUEST_ID}}},
         openapi_extra={"requestBody": locate_schema()},
     )
     async def locate(request: Request) -> Response:  # pyright: ignore[reportUnusedFunction]

@@ -275,6 +275,24 @@ def test_a_body_of_unknown_length_is_cut_off(cell: Cell) -> None:
     assert state.pool.taken == 0
 
 
+def test_who_sends_much_for_nothing_gets_the_reason_and_no_broken_connection(
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "data").mkdir()
+    key = KeyRing(tmp_path / "data").add("robot 1")
+    with running(tmp_path, max_upload_mb=20.0) as (client, state):
+        for status, code, size, headers in (
+            (401, "bad_key", 19, {}),
+            (413, "too_large", 30, {"X-API-Key": key}),
+            (429, "queue_full", 19, {"X-API-Key": key}),
+            (415, "wrong_content_type", 19, {"X-API-Key": key, "Content-Type": "text/xml"}),
+        ):
+            state.pool._taken += 100 * (status == 429)
+            answer = client.post("/v1/locate", content=bytes(size * 10**6), headers=headers)
+            assert (answer.status_code, answer.json()["error"]["code"]) == (status, code)
+            state.pool._taken -= 100 * (status == 429)
+
+
 def test_a_body_that_breaks_off_is_no_mistake_of_ours(
     cell: Cell, caplog: pytest.LogCaptureFixture
 ) -> None:
