@@ -147,7 +147,7 @@ def _bolt_table(result: LocateResult) -> Table:
     )
     table.add_column("id", no_wrap=True)
     table.add_column("side", no_wrap=True)
-    for name in ("position", "axis", "seen", "sigma\nmm", "sigma\ndeg"):
+    for name in ("head_top", "axis", "seen", "sigma\nmm", "sigma\ndeg"):
         table.add_column(name, justify="right", no_wrap=True)
     has_tool = any(bolt.p_tool_fits is not None for bolt in result.bolts)
     if has_tool:
@@ -180,7 +180,7 @@ def _prior_bolt_table(prior: Prior) -> Table:
     table = _table("head_top and outward axis in frame 'prior', mm")
     for name in ("id", "side"):
         table.add_column(name, no_wrap=True)
-    for name in ("position", "axis", "head", "points", "class", "fit", "conf"):
+    for name in ("head_top", "axis", "head", "points", "class", "fit", "conf"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("sure", no_wrap=True)
     for bolt in prior.bolts:

@@ -77,7 +77,7 @@ def test_a_refused_result_shows_no_coordinates() -> None:
     text = text_of(describe_result(results.refused(results.cube_prior())))
 
     assert "REFUSED" in text
-    assert "position" not in text
+    assert "head_top" not in text
     # measured and not measured scores stand beside their thresholds
     lines = [line.split() for line in text.splitlines()]
     assert ["free", "space", "violation", "0.06", "0.01"] in lines
@@ -96,7 +96,7 @@ def test_the_bolts_to_look_at_come_first_and_the_most_doubtful_of_them_first() -
     assert "look at 2 bolts" in text
     told = [line for line in text.splitlines() if "because" in line]
     assert ["B1: confidence 20%" in told[0], "T1: confidence 40%" in told[1]] == [True, True]
-    assert text.index("look at") < text.index("position")
+    assert text.index("look at") < text.index("head_top")
     sure = tuple(replace(bolt, is_sure=True) for bolt in bolts)
     assert "every bolt is sure" in text_of(describe_prior(replace(prior, bolts=sure)))
 
