@@ -9,8 +9,10 @@ for bolt in poses.bolts: ...
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
+from io import BufferedReader
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -32,17 +34,27 @@ _CONNECT_TIMEOUT_S = 5.0
 class RequestError(BoltposeError):
     """The service answered with an error, or not at all."""
 
-    def __init__(self, message: str, *, status: int | None = None, code: str = "no_answer") -> None:
+    def __init__(
+        self,
+        message: str,
+        *,
+        status: int | None = None,
+        code: str = "no_answer",
+        retry_after_s: float | None = None,
+    ) -> None:
         """Keep what was answered.
 
         Args:
             message: One line for people.
             status: HTTP status; None without an answer.
-            code: The service's word for programs.
+            code: The service's word for programs; `no_answer` without an answer, `bad_answer` if
+                it was none of `boltpose serve`, `wrong_answer` if it was one to other files.
+            retry_after_s: When to ask again, where that may help (429 and 503).
         """
         super().__init__(message)
         self.status = status
         self.code = code
+        self.retry_after_s = retry_after_s
 
 
 class CellPoses(PosesFile):
@@ -170,8 +182,8 @@ class Client:
             `bolts` raises `PosesRefusedError`.
 
         Raises:
-            InputFileError: A file is missing.
-            RequestError: The service answered with an error, or not at all.
+            InputFileError: A file is missing or cannot be read.
+            RequestError: The service answered with an error, not at all, or to other files.
         """
         groups = {
             "scan": _paths(scan),
@@ -193,14 +205,18 @@ class Client:
             **{name: repr(float(value)) for name, value in numbers.items() if value is not None},
         }
         with ExitStack() as stack:
-            files = []
+            files: list[tuple[str, tuple[str, BufferedReader]]] = []
+            sent: dict[str, list[str]] = {name: [] for name in groups}
             for name, paths in groups.items():
                 for path in paths:
-                    if not path.is_file():
-                        raise InputFileError(path, "no such file", f"the {name} to send")
-                    files.append((name, (path.name, stack.enter_context(path.open("rb")))))
+                    stream = stack.enter_context(_open(path, name))
+                    sent[name].append(hashlib.file_digest(stream, "sha256").hexdigest())
+                    stream.seek(0)
+                    files.append((name, (path.name, stream)))
             response = self._send("POST", "/v1/locate", data=fields, files=files)
-        return _as_poses(response)
+        poses = _as_poses(response)
+        _check_inputs(poses, sent)
+        return poses
 
     def priors(self) -> list[str]:
         """Names of the motors the service knows.
@@ -239,6 +255,29 @@ def _paths(value: str | Path | Sequence[str | Path] | None) -> list[Path]:
     return [Path(entry) for entry in value]
 
 
+def _open(path: Path, name: str) -> BufferedReader:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise InputFileError(path, error.strerror or "no file", f"the {name} to send") from error
+
+
+def _check_inputs(poses: PosesFile, sent: Mapping[str, Sequence[str]]) -> None:
+    """Never hand on the poses of another scan, whoever between us and the service mixed them up.
+
+    Raises:
+        RequestError: They are of other files than were sent.
+    """
+    for name in ("scan", "hand_eye", "robot_pose"):
+        found = poses.provenance.get(f"{name}_sha256")
+        hashes = [found] if isinstance(found, str) else list(found or ())
+        if hashes != list(sent[name]):
+            raise RequestError(
+                f"the answer is to another {name} than was sent: use it for nothing",
+                code="wrong_answer",
+            )
+
+
 def _as_poses(response: httpx.Response) -> CellPoses:
     try:
         file = PosesFile.model_validate_json(response.content)
@@ -253,9 +292,15 @@ def _as_poses(response: httpx.Response) -> CellPoses:
 
 def _as_error(response: httpx.Response) -> RequestError:
     code, message = "bad_answer", f"no answer of boltpose serve, status {response.status_code}"
+    wait = response.headers.get("Retry-After", "")
     try:
         found = response.json()["error"]
         code, message = str(found["code"]), str(found["message"])
     except (ValueError, KeyError, TypeError):
         pass  # something between us and the service has answered
-    return RequestError(message, status=response.status_code, code=code)
+    return RequestError(
+        message,
+        status=response.status_code,
+        code=code,
+        retry_after_s=float(wait) if wait.isdecimal() else None,
+    )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import socket
 import sys
 import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ from boltpose.service.config import ServiceConfig
 from boltpose.service.state import State
 from tests.support import results
 
+POINTS = b"points"
 FAKE = Path(__file__).parent / "fake_worker.py"
 
 
@@ -45,8 +48,14 @@ def running(folder: Path, **settings: Any) -> Generator[tuple[httpx.Client, Stat
     answers = folder / "answers"
     answers.mkdir(exist_ok=True)
     write_prior(answers / "prior.npz", prior)
-    (answers / "ok.json").write_text(dump_json(results.located(prior)))
-    (answers / "refused.json").write_text(dump_json(results.refused(prior)))
+    # of the scan that `upload` sends, whatever is sent
+    scan = {"scan_sha256": hashlib.sha256(POINTS).hexdigest()}
+    for name, result in {
+        "ok": results.located(prior),
+        "refused": results.refused(prior),
+    }.items():
+        answer = replace(result, provenance={**result.provenance, **scan})
+        (answers / f"{name}.json").write_text(dump_json(answer))
     app = create_app(make_config(folder, **settings))
     state: State = app.state.service
     command = [sys.executable, str(FAKE), str(answers)]
@@ -80,5 +89,5 @@ def running(folder: Path, **settings: Any) -> Generator[tuple[httpx.Client, Stat
         listener.close()
 
 
-def upload(name: str = "ok.ply", content: bytes = b"points") -> list[Any]:
+def upload(name: str = "ok.ply", content: bytes = POINTS) -> list[Any]:
     return [("scan", (name, content))]

@@ -15,7 +15,7 @@ import httpx
 import pytest
 
 from boltpose.client import Client, RequestError
-from boltpose.errors import PosesRefusedError
+from boltpose.errors import InputFileError, PosesRefusedError
 from boltpose.results import PosesFile
 from boltpose.schema import Status
 from boltpose.service.journal import State as Row
@@ -89,7 +89,7 @@ def test_a_refused_pose_is_an_answer(cell: Cell) -> None:
 
 
 def test_the_client_hands_out_no_bolts_of_a_refused_pose(cell: Cell, tmp_path: Path) -> None:
-    client, _ = cell
+    client, state = cell
     for name in ("ok.ply", "refused.ply", "bad.ply"):
         (tmp_path / name).write_bytes(b"points")
     with Client(str(client.base_url)) as ours:
@@ -105,6 +105,20 @@ def test_the_client_hands_out_no_bolts_of_a_refused_pose(cell: Cell, tmp_path: P
             ours.locate(tmp_path / "bad.ply", prior="cube")
         assert (caught.value.status, caught.value.code) == (422, "bad_file")
         assert ours.priors() == ["cube"]
+        # the workers of these tests always answer to the same scan
+        (tmp_path / "other.ply").write_bytes(b"another scan")
+        for files in ({"scan": "other.ply"}, {"scan": "ok.ply", "hand_eye": "other.ply"}):
+            with pytest.raises(RequestError, match="another") as caught:
+                ours.locate(prior="cube", **{key: tmp_path / f for key, f in files.items()})
+            assert caught.value.code == "wrong_answer"
+        with pytest.raises(InputFileError, match=r"none\.ply"):
+            ours.locate(tmp_path / "none.ply", prior="cube")
+        state.pool._taken += 100
+        with pytest.raises(RequestError) as caught:
+            ours.locate(tmp_path / "ok.ply", prior="cube")
+        assert (caught.value.code, caught.value.status) == ("queue_full", 429)
+        assert caught.value.retry_after_s is not None
+        state.pool._taken -= 100
     with Client("http://127.0.0.1:9") as nobody, pytest.raises(RequestError, match="no answer"):
         nobody.health()
 
