@@ -163,6 +163,15 @@ def test_a_saved_result_is_shown_and_goes_when_it_is_removed(prior: Path, tmp_pa
         opened(tab, url)
         says(tab, "OK")
         until(tab, tmp_path, lambda image: edges(image) > 1, "the scan")
+        # a mouse that rests on a name: what is known of that bolt, and of no other
+        name = tab.locator('.bptip[data-tip="B1"]')
+        name.wait_for(timeout=WAIT_MS)
+        place = name.bounding_box()
+        assert place is not None
+        assert tab.locator(".bptip .tip:visible").count() == 0
+        tab.mouse.move(place["x"] + place["width"] / 2, place["y"] + place["height"] / 2)
+        tab.locator(".bptip .tip:visible").wait_for(timeout=WAIT_MS)
+        assert tab.locator(".bptip .tip:visible h3").all_inner_texts() == ["B1"]
         # the same scan without a hand-eye: the page follows, and says what that means
         assert main(locate) == 0
         tab.wait_for_function(
@@ -171,6 +180,7 @@ def test_a_saved_result_is_shown_and_goes_when_it_is_removed(prior: Path, tmp_pa
         )
         poses.unlink()
         says(tab, "NO RESULT")
+        assert tab.locator(".bptip").count() == 0
         assert "gone" in tab.locator(".verdict").inner_text()
 
 

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from boltpose.arrays import FloatArray
 from boltpose.geometry.transforms import Transform
 from boltpose.picture.bolt_marks import Ink
+from boltpose.report.markup import Html
+from boltpose.viewer.bolt_tips import BoltTips, Tip
 from boltpose.viewer.glyphs import ARROW_MM, bolt_shape, ellipsoid_axes
 from boltpose.viewer.page import Page
 from boltpose.viewer.web import viser
@@ -33,6 +35,8 @@ class BoltMark3d:
     ink: Ink
     covariance_mm2: FloatArray | None = None
     """Shape (3, 3), of `head_top`, frame of the page; None draws no ellipsoid."""
+    tip: Html | None = None
+    """What its name tells when the mouse rests on it."""
 
 
 @dataclass(slots=True, eq=False)
@@ -58,7 +62,9 @@ class BoltLayer:
         self._root = page.server.scene.add_frame(f"/{name}", show_axes=False)
         self._drawn: dict[str, _Drawn] = {}
         self._then: list[Callable[[str], None]] = []
+        self._tips = BoltTips(page)
         self._show_labels = True
+        self._is_visible = True
         self._show_ellipsoids = False
         self._magnify = 20.0
         self.chosen: str | None = None
@@ -75,6 +81,7 @@ class BoltLayer:
             self.clear()
             for mark in marks:
                 self._draw(mark)
+            self._tell()
         if chosen in self._drawn:
             self.choose(chosen)
 
@@ -91,6 +98,7 @@ class BoltLayer:
                 drawn.ellipsoid.remove()
         self._drawn = {}
         self.chosen = None
+        self._tips.show(())
 
     def choose(self, bolt_id: str | None) -> None:
         """Mark one bolt, or none.
@@ -108,11 +116,13 @@ class BoltLayer:
 
     def set_visible(self, is_visible: bool) -> None:
         """Show or hide all of the layer."""
-        self._root.visible = is_visible
+        self._root.visible = self._is_visible = is_visible
+        self._tips.set_visible(is_visible and self._show_labels)
 
     def set_labels(self, is_visible: bool) -> None:
         """Show or hide the names."""
         self._show_labels = is_visible
+        self._tips.set_visible(is_visible and self._is_visible)
         for drawn in self._drawn.values():
             drawn.label.visible = is_visible
 
@@ -140,11 +150,10 @@ class BoltLayer:
             wxyz=mark.page_from_bolt.quaternion_wxyz,
             position=mark.page_from_bolt.translation_mm,
         )
-        reach = 6.0 if mark.ink is Ink.FORBIDDEN else ARROW_MM + 2.0
         label = scene.add_label(
             f"{name}/name",
             mark.text,
-            position=mark.page_from_bolt.apply(np.array([[0.0, 0.0, reach]]))[0],
+            position=_place_of_name(mark),
             anchor="bottom-center",
             visible=self._show_labels,
         )
@@ -166,12 +175,33 @@ class BoltLayer:
         self._page.on_node_click(mesh, lambda: self._clicked(mark.id))
         self._drawn[mark.id] = _Drawn(mark, mesh, label, ellipsoid)
 
+    def _tell(self) -> None:
+        marks = [drawn.mark for drawn in self._drawn.values()]
+        self._tips.show(
+            [
+                Tip(
+                    bolt_id=mark.id,
+                    name=mark.text,
+                    position_mm=_place_of_name(mark),
+                    text=mark.tip,
+                )
+                for mark in marks
+                if mark.tip is not None
+            ]
+        )
+
     def _clicked(self, bolt_id: str) -> None:
         if bolt_id not in self._drawn:
             return  # clicked on just before another result came
         self.choose(bolt_id)
         for then in self._then:
             then(bolt_id)
+
+
+def _place_of_name(mark: BoltMark3d) -> FloatArray:
+    """Beyond the arrow's tip; shape (3,), frame of the page."""
+    reach = 6.0 if mark.ink is Ink.FORBIDDEN else ARROW_MM + 2.0
+    return mark.page_from_bolt.apply(np.array([[0.0, 0.0, reach]]))[0]
 
 
 def rgb(color: str) -> tuple[int, int, int]:

@@ -54,6 +54,12 @@ font:16px/1.3 system-ui,"Segoe UI","Liberation Sans","DejaVu Sans",Arial,sans-se
 .bpsign .of{display:block}
 .bpsign ul{margin:6px 0 0;padding-left:20px}
 .bpsign .of{opacity:.85;font-size:13px;margin-top:4px}
+.bptip{position:fixed;transform:translate(-50%,-100%);z-index:40;cursor:help}
+.bptip .tip{display:none;position:absolute;width:370px;background:#fff;border-radius:8px;
+box-shadow:0 3px 14px #0006;pointer-events:none}
+.bptip.up .tip{bottom:0}.bptip.down .tip{top:0}
+.bptip.right .tip{left:calc(100% + 14px)}.bptip.left .tip{right:calc(100% + 14px)}
+.bptip:hover .tip{display:block}.bptip:hover{z-index:45}
 div:has(>input[type=file]){position:relative;height:84px;border:2px dashed #22508c;
 border-radius:10px;background:#eef4fb;display:flex;align-items:center;justify-content:center}
 div:has(>input[type=file]):hover{background:#d7e6f7}

@@ -127,7 +127,7 @@ class ResultPage:
         self.shown, self._colors = shown, colors
         with self.page.server.atomic():
             self._mode = self.switches.offer(colors.modes(), [_ink(bolt) for bolt in bolts])
-            self.bolts.show([_mark(bolt) for bolt in bolts])
+            self.bolts.show([_mark(bolt, result.frame) for bolt in bolts])
             self._show_prior(shown)
             self.setting.show(
                 scan,
@@ -259,7 +259,7 @@ def _ink(bolt: LocatedBolt) -> Ink:
     return Ink.FORBIDDEN if bolt.state is BoltState.CONTRADICTED else INK_OF[bolt.visibility]
 
 
-def _mark(bolt: LocatedBolt) -> BoltMark3d:
+def _mark(bolt: LocatedBolt, frame: str) -> BoltMark3d:
     text = f"{bolt.id} {bolt.name}".strip() + ("" if bolt.is_sure else " ?")
     if bolt.state is BoltState.CONTRADICTED:
         text = f"\N{MULTIPLICATION X} {text}: NOT THERE"
@@ -271,6 +271,7 @@ def _mark(bolt: LocatedBolt) -> BoltMark3d:
         head_height_mm=bolt.head_height_mm,
         ink=_ink(bolt),
         covariance_mm2=bolt.covariance_mm2,
+        tip=bolt_detail(bolt, frame),
     )
 
 
