@@ -234,6 +234,8 @@ class Intake:
             if chooses
             else tuple(self.shelf.take(name) for name in settings.prior)
         )
+        if not priors:
+            raise ServiceError(404, "unknown_prior", "prior *: the service knows no motor yet")
         try:
             return LocateCall(
                 scans=tuple(scan),

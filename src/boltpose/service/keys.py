@@ -7,6 +7,7 @@ import hmac
 import json
 import os
 import secrets
+import stat
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -147,6 +148,8 @@ def _read_keys(path: Path) -> dict[str, StoredKey]:
     wanted = "a file of `boltpose serve --new-key`"
     if not path.exists():
         return {}
+    if os.name == "posix" and stat.S_IMODE(path.stat().st_mode) & 0o022:
+        raise InputFileError(path, "a file that others can change", f"mode 600: chmod 600 {path}")
     try:
         entries = json.loads(path.read_text(encoding="utf-8"))["keys"]
         keys = [StoredKey(**entry) for entry in entries]

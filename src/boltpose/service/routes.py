@@ -9,6 +9,7 @@ from fastapi import APIRouter, FastAPI, Path, Query, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from boltpose.errors import InputFileError
 from boltpose.prior.file import prior_to_json, read_prior
 from boltpose.results import PosesFile
 from boltpose.service.answers import ERRORS
@@ -19,6 +20,7 @@ from boltpose.service.journal import Entry
 from boltpose.service.journal import State as Row
 from boltpose.service.run_build import delete_prior, start_build
 from boltpose.service.run_locate import locate_for
+from boltpose.service.shelf import prior_name
 from boltpose.service.state import State
 
 JournalId = Annotated[str, Path(pattern=r"^[0-9T]{21}-[0-9a-f]{8}$")]
@@ -150,13 +152,10 @@ def _add_priors(router: APIRouter, state: State) -> None:
         """List the motors the service knows."""
 
         def look() -> PriorList:
-            shelf = state.shelf
-            names = shelf.names()
-            blobs = [shelf.take(name) for name in names]
             return PriorList(
                 priors=[
-                    PriorSummary(name=name, bytes=blob.size, sha256=blob.sha256)
-                    for name, blob in zip(names, blobs, strict=True)
+                    PriorSummary(name=prior_name(blob), bytes=blob.size, sha256=blob.sha256)
+                    for blob in state.shelf.take_all()
                 ]
             )
 
@@ -179,7 +178,15 @@ def _add_priors(router: APIRouter, state: State) -> None:
     @router.get("/v1/priors/{name}", tags=["priors"], response_model=dict[str, Any])
     async def show_prior(name: PriorName) -> Any:  # pyright: ignore[reportUnusedFunction]
         """Return a prior's bolts and axes, without its points."""
-        return await asyncio.to_thread(lambda: prior_to_json(read_prior(state.shelf.path(name))))
+
+        def read() -> dict[str, Any]:
+            blob = state.shelf.take(name)
+            try:
+                return prior_to_json(read_prior(state.blobs.find(blob)))
+            except InputFileError as error:  # by its name, not by where the service keeps it
+                raise InputFileError(blob.name, error.found, error.wanted) from error
+
+        return await asyncio.to_thread(read)
 
     @router.get(
         "/v1/priors/{name}/file",
@@ -189,8 +196,10 @@ def _add_priors(router: APIRouter, state: State) -> None:
     )
     async def load_prior(name: PriorName) -> Response:  # pyright: ignore[reportUnusedFunction]
         """Download the `.prior.npz`."""
-        path = await asyncio.to_thread(state.shelf.path, name)
-        return FileResponse(path, media_type="application/octet-stream", filename=path.name)
+        blob = await asyncio.to_thread(state.shelf.take, name)
+        # from the store: the folder's file may be replaced or deleted while it is sent
+        path = state.blobs.path(blob.sha256)
+        return FileResponse(path, media_type="application/octet-stream", filename=blob.name)
 
     @router.delete("/v1/priors/{name}", tags=["priors"])
     async def remove_prior(  # pyright: ignore[reportUnusedFunction]

@@ -17,6 +17,7 @@ from boltpose.service.failures import ServiceError, journal_failed
 from boltpose.service.journal import JournalError
 from boltpose.service.journal import State as Row
 from boltpose.service.pool import Done
+from boltpose.service.shelf import prior_name
 from boltpose.service.state import State
 
 _LOG = logging.getLogger(__name__)
@@ -51,7 +52,7 @@ async def locate_for(state: State, request: Request) -> tuple[str, str]:
             call.to_json(),
             call.blobs,
             client=client_of(request),
-            prior=", ".join(blob.name.removesuffix(".prior.npz") for blob in call.priors),
+            prior=", ".join(prior_name(blob) for blob in call.priors),
             software=state.software,
         )
         text = await _run(state, request, entry, call, start)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from boltpose.prior.folder import PRIOR_PATTERN
@@ -44,9 +45,7 @@ class PriorShelf:
         for path in self._paths():
             if path.name == name + SUFFIX:
                 return path
-        raise ServiceError(
-            404, "unknown_prior", f"prior {name[:80]!a}: no such motor, see GET /v1/priors"
-        )
+        raise _unknown(name)
 
     def new_path(self, name: str) -> Path:
         """Where a new prior of a checked name goes."""
@@ -58,18 +57,18 @@ class PriorShelf:
         Raises:
             ServiceError: There is none of that name.
         """
-        return self._take(self.path(name))
+        try:
+            return self._take(self.path(name))
+        except FileNotFoundError:  # deleted this moment
+            raise _unknown(name) from None
 
     def take_all(self) -> tuple[Blob, ...]:
-        """The bytes of all priors.
-
-        Raises:
-            ServiceError: There is none.
-        """
-        blobs = tuple(self._take(path) for path in self._paths())
-        if not blobs:
-            raise ServiceError(404, "unknown_prior", "prior *: the service knows no motor yet")
-        return blobs
+        """The bytes of all priors, in the order of their names."""
+        blobs: list[Blob] = []
+        for path in self._paths():
+            with suppress(FileNotFoundError):  # deleted this moment
+                blobs.append(self._take(path))
+        return tuple(blobs)
 
     def _take(self, path: Path) -> Blob:
         state = path.stat()
@@ -93,6 +92,17 @@ class PriorShelf:
                     f"{path.name} is a link out of the folder of priors: wanted a file",
                 )
         return [path for path in paths if path.is_file() and not path.name.startswith(".")]
+
+
+def prior_name(blob: Blob) -> str:
+    """What clients call a prior."""
+    return blob.name.removesuffix(SUFFIX)
+
+
+def _unknown(name: str) -> ServiceError:
+    return ServiceError(
+        404, "unknown_prior", f"prior {name[:80]!a}: no such motor, see GET /v1/priors"
+    )
 
 
 def lock_folder(data: Path) -> int:

@@ -49,6 +49,14 @@ def test_a_removed_key_opens_no_more(tmp_path: Path) -> None:
         ring.remove(stored.id)
 
 
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666])
+def test_keys_that_others_can_add_to_open_nothing(tmp_path: Path, mode: int) -> None:
+    KeyRing(tmp_path).add("robot 1")
+    (tmp_path / KEY_FILE).chmod(mode)
+    with pytest.raises(InputFileError, match="chmod 600"):
+        KeyRing(tmp_path)
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[]", '{"keys": [{"id": 1}]}', '{"keys": 3}'])
 def test_damaged_keys_are_no_missing_keys(tmp_path: Path, text: str) -> None:
     (tmp_path / KEY_FILE).write_text(text)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Generator
@@ -213,6 +215,8 @@ def test_a_computation_past_its_time_is_ended_and_the_next_is_not_held_up(cell: 
     assert locate(client).status_code == 200
     assert state.pool.restarts == restarts + 1
     assert state.pool.ready == 1
+    # the files of the ended one went with it
+    wait_for(lambda: len(list(state.work.iterdir())) == 1)
 
 
 def test_a_worker_that_dies_is_replaced(cell: Cell) -> None:
@@ -228,6 +232,26 @@ def test_a_worker_that_died_while_idle_is_replaced(cell: Cell) -> None:
     os.kill(worker.process.pid, 9)
     wait_for(lambda: worker.process.returncode is not None)
     assert locate(client).status_code == 200
+
+
+def test_files_of_a_service_that_was_killed_are_removed(tmp_path: Path) -> None:
+    stray = tmp_path / "data" / "work" / "tmpx" / "call"
+    stray.mkdir(parents=True)
+    (stray / "000002.png").write_bytes(b"pixels")
+    (stray.parent.parent / "half.prior.npz").write_bytes(b"half")
+    with running(tmp_path) as (_, state):
+        assert not stray.exists()
+        assert len(list(state.work.iterdir())) == 1
+
+
+def test_a_worker_gets_no_more_memory_than_it_may_have(tmp_path: Path) -> None:
+    script = (
+        "from boltpose.service import worker\nworker._bound_memory(10**9)\nbytearray(2 * 10**9)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.stderr.strip().endswith("MemoryError")
 
 
 def test_a_client_that_goes_away_ends_its_computation(cell: Cell) -> None:
@@ -404,6 +428,11 @@ def test_a_prior_is_built_replaced_loaded_and_deleted(tmp_path: Path) -> None:
         assert locate(client).status_code == 200
         report = client.get(f"/v1/journal/{latest(client)['id']}/report")
         assert report.text == "<html>report</html>"
+        (tmp_path / "priors" / "bad.prior.npz").write_bytes(b"no prior")
+        answer = client.get("/v1/priors/bad")
+        assert (answer.status_code, answer.json()["error"]["code"]) == (422, "bad_file")
+        assert answer.json()["error"]["message"].startswith("bad.prior.npz: found")
+        assert client.delete("/v1/priors/bad").status_code == 200
         for bad in ("../x", "a/b", ".x", ""):
             answer = client.post("/v1/priors", data={"name": bad}, files=upload())
             assert answer.status_code == 422
