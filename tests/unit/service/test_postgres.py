@@ -10,6 +10,7 @@ from typing import Any
 import httpx
 import pytest
 
+from boltpose.cli.app import main
 from boltpose.service import journal as journal_module
 from boltpose.service import state as state_module
 from boltpose.service.journal import Journal
@@ -40,7 +41,12 @@ def is_ready(client: httpx.Client) -> bool:
     return answer.status_code == 200
 
 
-def test_requests_and_answers_outlive_the_service(tmp_path: Path, postgres: Postgres) -> None:
+def test_requests_and_answers_outlive_the_service(
+    tmp_path: Path,
+    postgres: Postgres,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     url = postgres.url("whole")
     with running(tmp_path, database=url) as (client, _):
         assert client.get("/v1/health").json()["journal"] == "postgresql"
@@ -57,6 +63,19 @@ def test_requests_and_answers_outlive_the_service(tmp_path: Path, postgres: Post
         ]
         poses = client.get(f"/v1/journal/{answer.headers['X-Boltpose-Request']}/poses.json")
         assert poses.content == answer.content
+    data = str(tmp_path / "data")
+    assert main(["journal", "list", "--data", data, "--database", url]) == 0
+    by_option = capsys.readouterr().out
+    assert [line.split()[2] for line in by_option.splitlines()] == ["failed", "done", "done"]
+    # an auditor who forgets the database is not shown an empty journal
+    assert main(["journal", "list", "--data", data]) == 2
+    assert "--database" in capsys.readouterr().err
+    assert not (tmp_path / "data" / "journal.sqlite").exists()
+    settings = tmp_path / "boltpose.toml"
+    settings.write_text(f'[service]\ndata = "{data}"\ndatabase = "{url}"\n')
+    monkeypatch.setenv("BOLTPOSE_CONFIG", str(settings))
+    assert main(["journal", "list"]) == 0
+    assert capsys.readouterr().out == by_option
 
 
 def test_no_answer_without_a_row_while_the_database_is_away(
