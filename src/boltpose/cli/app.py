@@ -9,7 +9,7 @@ import signal
 import sys
 import threading
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Annotated, NoReturn
 
 import typer
@@ -123,6 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         traceback is what a bug report needs.
     """
     given = sys.argv[1:] if arguments is None else list(arguments)
+    _open_closed_streams()
     OUTPUT.reset()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
@@ -176,10 +177,25 @@ def _terminable() -> Generator[None]:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
+def _open_closed_streams() -> None:
+    """Give a process that was started without stdout or stderr (`>&-`) one that holds nothing."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+
+
 def _tell(text: str, code: ExitCode, arguments: Sequence[str]) -> ExitCode:
-    """Say why there is no answer: a line on stderr, and with `--json` a document on stdout."""
-    typer.echo(f"boltpose: {text}", err=True)
-    if "--json" in arguments and not OUTPUT.has_answered:  # never two documents
-        error = {"message": text, "exit_code": int(code)}
-        typer.echo(json.dumps({"error": error}, indent=2))
+    """Say why there is no answer: a line on stderr, and with `--json` a document on stdout.
+
+    Where that cannot be written either (a full disk), the exit code says it alone.
+    """
+    with suppress(OSError):
+        typer.echo(f"boltpose: {text}", err=True)
+    try:
+        if "--json" in arguments and not OUTPUT.has_answered:  # never two documents
+            error = {"message": text, "exit_code": int(code)}
+            typer.echo(json.dumps({"error": error}, indent=2))
+        sys.stdout.flush()
+    except OSError:  # or Python complains once more while it ends, with a code of its own
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code

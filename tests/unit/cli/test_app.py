@@ -1,8 +1,10 @@
 from __future__ import annotations
 
 import os
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import typer
@@ -124,3 +126,23 @@ def test_every_command_has_a_first_line_of_help() -> None:
         for child in group.commands.values():  # pyright: ignore
             assert child.help, child.name
             groups += [child] if hasattr(child, "commands") else []
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a device of Linux")
+@pytest.mark.parametrize(
+    ("words", "code"), [("--version", ExitCode.BAD_INPUT), ("x --json", ExitCode.BAD_INPUT)]
+)
+def test_a_disk_that_is_full_ends_with_the_documented_code(words: str, code: ExitCode) -> None:
+    call = f"{shlex.quote(sys.executable)} -m boltpose {words} >/dev/full"
+    done = subprocess.run(["sh", "-c", call], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_a_stream_that_is_closed_changes_no_code(closed: str) -> None:
+    for words, code in (("--version", ExitCode.OK), ("nonsense", ExitCode.BAD_INPUT)):
+        call = f"{shlex.quote(sys.executable)} -m boltpose {words} {closed}"
+        done = subprocess.run(["sh", "-c", call], capture_output=True, text=True, check=False)
+        assert done.returncode == code
+        assert "Traceback" not in done.stderr
