@@ -91,7 +91,7 @@ def edit(
     from boltpose.cli.tables import describe_prior
     from boltpose.io.digest import sha256_of
     from boltpose.prior.file import prior_to_json, read_prior, write_prior
-    from boltpose.prior.review import require_no_review, with_review
+    from boltpose.prior.review import require_no_review
     from boltpose.prior.review_edits import (
         AddBolt,
         ConfirmBolt,
@@ -103,6 +103,7 @@ def edit(
         SetTool,
         apply_edit,
     )
+    from boltpose.prior.review_notes import with_review
 
     edited = read_prior(prior)
     if target.exists():

@@ -11,6 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from boltpose.arrays import FloatArray
+from boltpose.prior.review_notes import PastReview, past_reviews
 from boltpose.schema import (
     BoltState,
     LocatedBolt,
@@ -57,6 +58,7 @@ def describe_prior(prior: Prior) -> RenderableType:
         ),
     ]
     lines += _to_look_at(prior)
+    lines += [Text(_review_line(review), style="dim") for review in past_reviews(prior)]
     panel = Panel(Group(*lines), title=_prior_title(prior.name), title_align="left", expand=False)
     # why a bolt is unsure stands in the panel
     remarks = [
@@ -64,6 +66,13 @@ def describe_prior(prior: Prior) -> RenderableType:
     ]
     words = [_words(bolt) for bolt in prior.bolts if _has_words(bolt)]
     return Group(panel, _prior_bolt_table(prior), *words, *remarks)
+
+
+def _review_line(review: PastReview) -> str:
+    noun = "edit" if review.edit_count == 1 else "edits"
+    who = f" by {review.by}" if review.by else ""
+    when = f", {review.date}" if review.date else ""
+    return f"reviewed{who}{when}: {review.edit_count} {noun}"
 
 
 def _to_look_at(prior: Prior) -> list[Text]:

@@ -13,6 +13,10 @@ from boltpose.prior.heads import Head, MotorCloud, measure_head
 from boltpose.schema import Part, Prior, PriorBolt, Side
 from boltpose.segmentation.predictor import PARTS
 
+FLANK_ONLY = "height as far down as its flank was seen: a flange or a deep seat is not in it"
+"""Remark on a head without labels: its height may be 4 mm too small, its axis and top are right
+(docs/prior-review.md)."""
+
 _TURN = np.diag([1.0, -1.0, -1.0])
 
 
@@ -36,11 +40,12 @@ class PointedHeadConfig:
     """A click this far above the top of a head does not mean it: a nut on a stud that was hit."""
     min_support: float = 1.5
     """Of the fit. With less, a fit is no better than the click itself; bare walls reach 1.2."""
-    seat_mm: float = 2.5
-    """Width of the ring around the head in which the surface it sits on is looked for."""
+    min_flank_sectors: int = 4
+    """Of 12. A head without labels ends where its flank is seen in fewer: what goes on below is
+    the motor beside it."""
     min_labelled_points: int = 60
     """From so many points labelled as bolt the labels say where the head ends; with fewer it is
-    the surface around it. A head of 8 mm has about 100."""
+    its flank. A head of 8 mm has about 100."""
     bolts: FindBoltsConfig = field(default_factory=FindBoltsConfig)
 
     def __post_init__(self) -> None:
@@ -51,12 +56,13 @@ class PointedHeadConfig:
             "rim_mm",
             "above_mm",
             "min_support",
-            "seat_mm",
         ):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} must be > 0, got {getattr(self, name)}")
         if self.min_labelled_points < 1:
             raise ConfigError(f"min_labelled_points must be >= 1, got {self.min_labelled_points}")
+        if not 1 <= self.min_flank_sectors <= 12:
+            raise ConfigError(f"min_flank_sectors must be 1 to 12, got {self.min_flank_sectors}")
         if any(not radius > 0 for radius in self.start_radii_mm):
             raise ConfigError(f"start_radii_mm must be > 0, got {self.start_radii_mm}")
 
@@ -96,12 +102,17 @@ def measure_pointed_head(
     head = _best_head(cloud, spot, config, side)
     if head is None:
         return None
-    members = _members(cloud, prior.labels[near] == Part.BOLT, head, config)
+    labelled = _labelled(cloud, prior.labels[near] == Part.BOLT, head)
+    has_labels = int(labelled.sum()) >= config.min_labelled_points
+    members = labelled if has_labels else _down_the_flank(cloud, head, config)
     shares[members] = 0.0
     shares[members, PARTS.index(Part.BOLT)] = 1.0
     bolts = replace(config.bolts, hough=replace(config.bolts.hough, max_candidates=0))
     found = find_bolts(points, normals, shares, prior.alignment, bolts)
-    return next((bolt for bolt in found if _is_meant(bolt, click, config, side)), None)
+    meant = next((bolt for bolt in found if _is_meant(bolt, click, config, side)), None)
+    if meant is None or has_labels:
+        return meant
+    return replace(meant, remarks=(*meant.remarks, FLANK_ONLY))
 
 
 def _best_head(
@@ -133,26 +144,59 @@ def _starts(spot: FloatArray, config: PointedHeadConfig) -> list[FloatArray]:
     return [spot, *(spot + radius * arm for radius in config.start_radii_mm for arm in around)]
 
 
-def _members(
-    cloud: MotorCloud, is_bolt: BoolArray, head: Head, config: PointedHeadConfig
-) -> BoolArray:
-    """Which points are the head's: those labelled so, else all from its top to its seat."""
-    turn = np.eye(3) if head.side is Side.TOP else _TURN
-    local = (cloud.points - head.centre_mm) @ turn
-    normals = cloud.normals @ turn
-    across = np.linalg.norm(local[:, :2], axis=1)
-    above = (local[:, 2] < 1.0) & (local[:, 2] > -2.5 * head.radius_mm)
+def _labelled(cloud: MotorCloud, is_bolt: BoolArray, head: Head) -> BoolArray:
+    """Which of the points labelled as bolt are this head's."""
+    local, _ = _in_head(cloud, head)
     # as wide as `measure_head` looks: a flange, or a washer
-    labelled = is_bolt & above & (across <= 1.6 * head.radius_mm + 0.5)
-    if labelled.sum() >= config.min_labelled_points:
-        return labelled
-    rim = config.rim_share * head.radius_mm + config.rim_mm
-    # the ring around the head looks the same way as its face, but lies deeper
-    ring = above & (across > rim) & (across < rim + config.seat_mm)
-    ring &= (normals[:, 2] > 0.8) & (local[:, 2] < -1.0)
-    # 0.8 radii: hexagon heads, ISO 4017
-    seat = float(np.percentile(local[ring, 2], 75)) if ring.sum() >= 10 else -0.8 * head.radius_mm
-    return above & (across < rim) & (local[:, 2] > seat)
+    return is_bolt & _about(local, head) & (_across(local) <= 1.6 * head.radius_mm + 0.5)
+
+
+def _down_the_flank(cloud: MotorCloud, head: Head, config: PointedHeadConfig) -> BoolArray:
+    """Which points are the head's where no labels say so: all from its top to its flank's end.
+
+    The flank says where a head ends, in a counterbore and on an uneven casting too. The surface
+    around the head does not: it may lie higher than its seat.
+    """
+    local, normals = _in_head(cloud, head)
+    across = _across(local)
+    outward = (local[:, :2] * normals[:, :2]).sum(axis=1) / np.maximum(across, 1e-9)
+    column = _about(local, head) & (across < config.rim_share * head.radius_mm + config.rim_mm)
+    # corners of a hexagon are 1.155 radii out; a boss under the head is wider
+    flank = column & (outward > 0.5)
+    flank &= (across > 0.7 * head.radius_mm) & (across < 1.16 * head.radius_mm + 0.3)
+    end = _end_of_flank(local[flank], config)
+    if end is None:
+        end = 0.8 * head.radius_mm  # hexagon heads, ISO 4017
+    # what looks inwards is the wall of a counterbore
+    is_wall = (outward < -0.3) & (local[:, 2] < -1.0)
+    return column & (local[:, 2] > -end) & ~is_wall
+
+
+def _end_of_flank(flank: FloatArray, config: PointedHeadConfig) -> float | None:
+    """How far below the top a flank is seen around, mm; None where next to nothing is seen."""
+    depths = -flank[:, 2]
+    sectors = np.floor(np.arctan2(flank[:, 1], flank[:, 0]) / np.pi * 6)
+    slices = np.floor(depths)  # 1 mm each: a scan has a point every 1 mm
+    last = 0
+    while len(np.unique(sectors[slices == last + 1])) >= config.min_flank_sectors:
+        last += 1
+    own = depths[slices <= last]
+    return float(np.percentile(own, 97)) if len(own) >= 10 else None
+
+
+def _in_head(cloud: MotorCloud, head: Head) -> tuple[FloatArray, FloatArray]:
+    """Points and normals, shape (N, 3) each, seen from the head's top, +z out of it."""
+    turn = np.eye(3) if head.side is Side.TOP else _TURN
+    return (cloud.points - head.centre_mm) @ turn, cloud.normals @ turn
+
+
+def _across(local: FloatArray) -> FloatArray:
+    return np.linalg.norm(local[:, :2], axis=1)
+
+
+def _about(local: FloatArray, head: Head) -> BoolArray:
+    """From a little above the top to deeper than any head reaches."""
+    return (local[:, 2] < 1.0) & (local[:, 2] > -2.5 * head.radius_mm)
 
 
 def _is_meant(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import secrets
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,8 +21,8 @@ from boltpose.prior.review_edits import (
     edit_to_json,
     made_bolt,
 )
-from boltpose.prior.review_journal import JournalContent, ReviewJournal
-from boltpose.prior.review_words import clean_words
+from boltpose.prior.review_journal import JournalContent, ReviewJournal, reason_of
+from boltpose.prior.review_notes import with_review
 from boltpose.schema import Prior, PriorBolt
 
 _SAME_PLACE_MM = 0.01
@@ -109,7 +110,7 @@ class ReviewSession:
 
         Raises:
             ConfigError: It cannot be done; nothing has changed.
-            OSError: It could not be written to the journal; nothing has changed.
+            InputFileError: It could not be written to the journal; nothing has changed.
         """
         before = self.prior
         after = apply_edit(before, edit, self._config)
@@ -124,7 +125,7 @@ class ReviewSession:
 
         Raises:
             ConfigError: There is none.
-            OSError: It could not be written to the journal; nothing has changed.
+            InputFileError: It could not be written to the journal; nothing has changed.
         """
         if not self._done:
             raise ConfigError("nothing to undo")
@@ -138,7 +139,7 @@ class ReviewSession:
 
         Raises:
             ConfigError: There is none.
-            OSError: It could not be written to the journal; nothing has changed.
+            InputFileError: It could not be written to the journal; nothing has changed.
         """
         if not self._undone:
             raise ConfigError("nothing to redo")
@@ -167,8 +168,8 @@ class ReviewSession:
 
         Raises:
             ConfigError: There is no edit to save, or `by` or `date` does not print.
-            InputFileError: Somebody changed the prior since this review began.
-            OSError: It cannot be written; the review goes on.
+            InputFileError: Somebody changed the prior since this review began; the target has
+                unsaved edits of a review of its own; or it cannot be written. The review goes on.
         """
         if not self._done:
             raise ConfigError("nothing to save: no edit was made")
@@ -177,6 +178,8 @@ class ReviewSession:
         is_same_file = target.resolve() == self.path.resolve()
         if is_same_file:
             self._require_unchanged()
+        elif target.exists():
+            require_no_review(target)
         temporary = target.resolve().with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
         try:
             write_prior(temporary, saved)
@@ -185,9 +188,15 @@ class ReviewSession:
                 self._journal.append({"saving": digest})
                 self._require_unchanged()
             temporary.replace(target.resolve())
-        except BaseException:
-            temporary.unlink(missing_ok=True)
-            raise
+        except OSError as error:
+            raise InputFileError(
+                target,
+                f"that it cannot be written ({reason_of(error)})",
+                "a folder to write to, with room; the edits are kept",
+            ) from error
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
         if is_same_file:
             self._base, self._base_sha256 = saved, digest
             self._done.clear()
@@ -214,8 +223,8 @@ class ReviewSession:
             raise InputFileError(
                 self.path,
                 "another content than when this review began",
-                "the file as it was: save under another name with --output, "
-                "or begin anew with --discard",
+                "the file as it was: put it back and save again, or end and begin anew with "
+                "--discard",
             )
 
     def _take_up(self, content: JournalContent | None) -> None:
@@ -236,7 +245,7 @@ class ReviewSession:
         for number, act in enumerate(content.acts, start=1):
             try:
                 self._replay(act)
-            except (BoltposeError, IndexError) as error:
+            except (BoltposeError, IndexError, TypeError, ValueError) as error:
                 raise InputFileError(
                     self._journal.path,
                     f"act {number}, by version {content.version}, that cannot be done again "
@@ -260,33 +269,6 @@ class ReviewSession:
             self._done.append(_Step(edit, apply_edit(self.prior, edit, self._config)))
         elif "saving" not in act and "saved_as" not in act:  # neither changes what is shown
             raise ConfigError(f"no act: {sorted(act)}")
-
-
-def with_review(
-    prior: Prior, edits: Sequence[Edit], *, base_sha256: str, by: str = "", date: str = ""
-) -> Prior:
-    """Note in a prior's provenance who did what to which version of it.
-
-    Args:
-        prior: With the edits done.
-        edits: Those that were done.
-        base_sha256: Of the prior file they were done to.
-        by: Who; left out if empty.
-        date: When; left out if empty.
-
-    Raises:
-        ConfigError: `by` or `date` is too long or does not print.
-    """
-    entry: dict[str, Any] = {
-        "prior_sha256": base_sha256,
-        "version": boltpose.__version__,
-        "edits": [edit_to_json(edit) for edit in edits],
-    }
-    for key, words in (("by", clean_words(by, "--by")), ("date", clean_words(date, "--date"))):
-        if words:
-            entry[key] = words
-    earlier = prior.provenance.get("reviews", [])
-    return replace(prior, provenance={**prior.provenance, "reviews": [*earlier, entry]})
 
 
 def require_no_review(path: str | Path) -> None:
@@ -345,9 +327,9 @@ def _require_same(noted: Any, made: PriorBolt | None) -> None:
         and all(
             abs(float(was) - float(now)) < _SAME_PLACE_MM
             for was, now in zip(
-                noted.get("head_top_mm", [float("nan")]),
+                noted.get("head_top_mm", []),
                 made.prior_from_bolt.translation_mm,
-                strict=False,
+                strict=True,
             )
         )
     )

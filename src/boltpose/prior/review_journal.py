@@ -15,6 +15,7 @@ from boltpose.errors import InputFileError
 
 FORMAT = "boltpose.review/1"
 SUFFIX = ".review.jsonl"
+_FIRST_BYTES = b'{"format"'
 _WANTED = "a journal of `boltpose prior review`"
 _DISCARD = "throw it away with --discard, or remove the file"
 
@@ -63,11 +64,11 @@ class ReviewJournal:
         """
         raw = _read_all(self._fd)
         whole = raw[: raw.rfind(b"\n") + 1]
-        if len(whole) < len(raw):
-            os.ftruncate(self._fd, len(whole))
+        if not whole and not raw.startswith(_FIRST_BYTES[: len(raw)]):
+            raise InputFileError(self.path, "what nobody here wrote", f"{_WANTED}; {_DISCARD}")
         lines = [self._parse(number, line) for number, line in enumerate(whole.splitlines(), 1)]
         if not lines:
-            return None
+            return None  # the first line was not finished: no act was made
         head = lines[0]
         if head.get("format") != FORMAT:
             raise InputFileError(self.path, f"format {head.get('format')!r}", f"'{FORMAT}'")
@@ -75,6 +76,8 @@ class ReviewJournal:
             raise InputFileError(
                 self.path, "lines missing or out of order", f"{_WANTED}; {_DISCARD}"
             )
+        if len(whole) < len(raw):
+            os.ftruncate(self._fd, len(whole))
         return JournalContent(
             prior_sha256=str(head.get("prior_sha256")),
             version=str(head.get("version")),
@@ -85,7 +88,7 @@ class ReviewJournal:
         """Empty the journal and write its first line.
 
         Raises:
-            OSError: The disk is full or gone.
+            InputFileError: The disk is full or gone.
         """
         os.ftruncate(self._fd, 0)
         self._count = 0
@@ -99,12 +102,12 @@ class ReviewJournal:
         """Write one act; it is on the disk when this returns.
 
         Raises:
-            OSError: The disk is full or gone; nothing of the act stays in the file.
+            InputFileError: The disk is full or gone; nothing of the act stays in the file.
         """
         size = os.fstat(self._fd).st_size
         try:
             self._write({"n": self._count + 1, **act})
-        except OSError:
+        except InputFileError:
             os.ftruncate(self._fd, size)
             raise
         self._count += 1
@@ -124,7 +127,7 @@ class ReviewJournal:
     def _parse(self, number: int, line: bytes) -> dict[str, Any]:
         try:
             data = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             data = None
         if not isinstance(data, dict):
             raise InputFileError(
@@ -134,9 +137,21 @@ class ReviewJournal:
 
     def _write(self, data: dict[str, Any]) -> None:
         line = json.dumps(data, sort_keys=True, ensure_ascii=True).encode() + b"\n"
-        if os.write(self._fd, line) != len(line):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.path))
-        os.fsync(self._fd)
+        try:
+            if os.write(self._fd, line) != len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            os.fsync(self._fd)
+        except OSError as error:
+            raise InputFileError(
+                self.path,
+                f"that it cannot be written ({reason_of(error)}), so nothing was changed",
+                "a disk with room",
+            ) from error
+
+
+def reason_of(error: OSError) -> str:
+    """What the system says, to be put in brackets."""
+    return (error.strerror or type(error).__name__).lower()
 
 
 def _open_locked(path: Path) -> int:
@@ -144,9 +159,10 @@ def _open_locked(path: Path) -> int:
         try:
             fd = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
         except OSError as error:
-            reason = (error.strerror or type(error).__name__).lower()
             raise InputFileError(
-                path, f"no journal can be kept ({reason})", "a folder to write to beside the prior"
+                path,
+                f"no journal can be kept ({reason_of(error)})",
+                "a folder to write to beside the prior",
             ) from error
         if not _try_lock(fd):
             os.close(fd)

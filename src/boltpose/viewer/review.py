@@ -105,7 +105,9 @@ class ReviewPage:
     def flip(self) -> None:
         """The head of the bolt at hand looks the other way."""
         self._set_typed()
-        self._announce(self.session.do(FlipBolt(bolt=self._bolt().id)), "Turned")
+        made = self.session.do(FlipBolt(bolt=self._bolt().id))
+        # a guess may look into the motor: then the view stays
+        self._announce(made, "Turned", moves_view=made is not None and made.is_sure)
 
     def go_on(self) -> None:
         """Look at the next bolt, whatever this one is."""
@@ -154,7 +156,13 @@ class ReviewPage:
         if not same:
             raise ConfigError(f"every bolt with a head like {bolt.id} has this tool already")
         self._do(SetTool(bolts=same, tool=tool))
-        self.page.tell("info", "Tool set", f"'{tool}' also for {', '.join(same)}")
+        self.page.tell(
+            "info",
+            "Tool set",
+            f"'{tool}' also for {', '.join(same)}: heads as wide as {bolt.id}. Is one of another "
+            "shape? Type its own tool.",
+            12.0,
+        )
 
     def undo(self) -> None:
         """Take the last edit back, and look at the bolt it was about."""
@@ -200,14 +208,14 @@ class ReviewPage:
         x, y, z = (float(value) for value in click.point_mm)
         made = self.session.do(AddBolt(position_mm=(x, y, z)))
         self._is_adding = False
-        self._announce(made, "Added")
+        # the person is looking there
+        self._announce(made, "Added", moves_view=False)
 
-    def _announce(self, made: PriorBolt | None, title: str) -> None:
+    def _announce(self, made: PriorBolt | None, title: str, *, moves_view: bool) -> None:
         assert made is not None  # both edits make one
         is_good, text = measured_words(made)
         self.page.tell("good" if is_good else "error", title, text, 12.0)
-        # the view stays: the person is looking there, and a guess may look into the motor
-        self._select(made.id, moves_view=False)
+        self._select(made.id, moves_view=moves_view)
 
     def _do(self, edit: Edit) -> None:
         self.session.do(edit)
@@ -274,12 +282,12 @@ class ReviewPage:
         after = self.session.prior
         known = {bolt.id: bolt for bolt in before.bolts}
         changed = [bolt.id for bolt in after.bolts if known.get(bolt.id) is not bolt]
-        if changed:
-            self._looked_at.difference_update(changed)
+        self._looked_at.difference_update(changed)
+        is_there = self._chosen in {bolt.id for bolt in after.bolts}
+        if len(changed) == 1 or (changed and not is_there):
             self._select(changed[0])
-        else:
-            gone = self._chosen not in {bolt.id for bolt in after.bolts}
-            self._select(self._next_after(None) if gone else self._chosen)
+        else:  # of an edit of several bolts one is as good as the other: the view stays
+            self._select(self._chosen if is_there else self._next_after(None))
 
     def _select(self, bolt_id: str | None, *, moves_view: bool = True) -> None:
         if bolt_id is not None and bolt_id not in {bolt.id for bolt in self.session.prior.bolts}:

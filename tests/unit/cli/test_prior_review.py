@@ -38,6 +38,17 @@ def test_an_ended_review_says_what_is_saved_and_what_is_not(
     assert not read_prior(cell.prior).bolt("B1").is_sure
 
 
+def test_show_tells_of_the_reviews_of_a_prior(run: Run, cell: Cell) -> None:
+    assert "reviewed" not in run("prior", "show", cell.prior).out
+    with ReviewSession.open(cell.prior) as session:
+        session.do(ConfirmBolt(bolt="B1"))
+        session.save(by="A. Technician", date="2026-11-23")
+
+    assert "reviewed by A. Technician, 2026-11-23: 1 edit" in run("prior", "show", cell.prior).out
+    told = json.loads(run("prior", "show", cell.prior, "--json").out)
+    assert told["provenance"]["reviews"][0]["edits"] == [{"edit": "confirm", "bolt": "B1"}]
+
+
 def test_what_cannot_be_reviewed_is_said_in_one_line(run: Run, cell: Cell) -> None:
     for arguments, says in (
         ((cell.folder / "none.prior.npz",), "no such file"),

@@ -29,6 +29,7 @@ from boltpose.prior.review_edits import (
     edit_to_json,
 )
 from boltpose.prior.review_journal import ReviewJournal
+from boltpose.prior.review_notes import PastReview, past_reviews
 from boltpose.schema import Prior
 from tests.support import records
 
@@ -289,6 +290,8 @@ def test_two_reviews_of_one_prior_at_a_time_are_refused(path: Path) -> None:
         (b"boltpose.review/1", b"boltpose.review/9", "format 'boltpose.review/9'"),
         (b'"bolt": "B1"', b'"bolt": "B7"', r"act 1, by version .*no bolt 'B7'"),
         (b'"confirm"', b'"explode"', "act 1, .*no edit of a prior"),
+        (b'{"do"', b"[" * 100_000 + b'{"do"', "line 2 that is no JSON object"),
+        (b'"n": 1', b'"n": 1, "made": {"id": "B1", "head_top_mm": "?"}', "act 1, .*elsewhere"),
     ],
 )
 def test_a_damaged_journal_is_refused_and_kept(
@@ -332,7 +335,7 @@ def test_a_disk_that_is_full_leaves_review_and_journal_as_they_were(
             return real(fd, data[: len(data) // 2])
 
         monkeypatch.setattr(os, "write", half)
-        with pytest.raises(OSError, match="No space left"):
+        with pytest.raises(InputFileError, match=r"cannot be written \(no space left on device\)"):
             session.do(SetTool(bolts=("T1",), tool="hex 8"))
         monkeypatch.undo()
         assert ReviewJournal.path_of(path).read_bytes() == before
@@ -340,6 +343,75 @@ def test_a_disk_that_is_full_leaves_review_and_journal_as_they_were(
         session.do(SetTool(bolts=("T1",), tool="hex 8"))
     with ReviewSession.open(path) as again:
         assert again.prior.bolt("T1").tool == "hex 8"
+
+
+def test_a_journal_of_nothing_but_zeros_is_not_taken_for_an_empty_one(path: Path) -> None:
+    journal = ReviewJournal.path_of(path)
+    journal.write_bytes(bytes(300))
+    with pytest.raises(InputFileError, match="what nobody here wrote"):
+        ReviewSession.open(path)
+    assert journal.read_bytes() == bytes(300)
+    with ReviewSession.open(path, discard=True) as session:
+        assert session.edits == ()
+
+
+@pytest.mark.parametrize("shape", ["short", "long", "none"])
+def test_a_journal_whose_trace_has_another_shape_is_refused(path: Path, shape: str) -> None:
+    with ReviewSession.open(path) as session:
+        session.do(AddBolt(position_mm=tuple(PRIOR.points[7].tolist())))
+    journal = ReviewJournal.path_of(path)
+    first, second = journal.read_bytes().splitlines()
+    entry = json.loads(second)
+    top = entry["made"]["head_top_mm"]
+    entry["made"]["head_top_mm"] = {"short": top[:2], "long": [*top, 0.0], "none": [None] * 3}[
+        shape
+    ]
+    journal.write_bytes(first + b"\n" + json.dumps(entry).encode() + b"\n")
+    with pytest.raises(InputFileError, match=r"act 1, .*cannot be done again"):
+        ReviewSession.open(path)
+
+
+def test_a_save_that_fails_loses_nothing(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    base = path.read_bytes()
+    with ReviewSession.open(path) as session:
+        session.do(ConfirmBolt(bolt="B1"))
+
+        def full(file: Path, _: Prior) -> None:
+            file.write_bytes(b"half")
+            raise OSError(28, "No space left on device")
+
+        monkeypatch.setattr("boltpose.prior.review.write_prior", full)
+        with pytest.raises(InputFileError, match=r"m\.prior\.npz: found that it cannot be written"):
+            session.save()
+        monkeypatch.undo()
+        assert path.read_bytes() == base
+        assert list(path.parent.glob("*.tmp")) == []
+        assert session.has_unsaved
+        session.save()
+    assert read_prior(path).bolt("B1").is_sure
+
+
+def test_a_prior_with_a_review_of_its_own_is_not_saved_over(path: Path) -> None:
+    other = path.with_name("other.prior.npz")
+    write_prior(other, PRIOR)
+    with ReviewSession.open(other) as theirs:
+        theirs.do(ConfirmBolt(bolt="B1"))
+    kept = other.read_bytes()
+    with ReviewSession.open(path) as session:
+        session.do(SetTool(bolts=("T1",), tool="hex 8"))
+        with pytest.raises(InputFileError, match="edits of a review that were not saved"):
+            session.save(output=other)
+    assert other.read_bytes() == kept
+
+
+def test_a_saved_prior_tells_of_its_reviews(path: Path) -> None:
+    assert past_reviews(PRIOR) == ()
+    with ReviewSession.open(path) as session:
+        session.do(ConfirmBolt(bolt="B1"))
+        session.save(by="A. Technician", date="2026-11-23")
+    assert past_reviews(read_prior(path)) == (
+        PastReview(by="A. Technician", date="2026-11-23", edit_count=1),
+    )
 
 
 CRASH = """
