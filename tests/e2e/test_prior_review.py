@@ -18,22 +18,20 @@ from boltpose.schema import Prior, PriorBolt
 from boltpose.viewer.config import ViewerConfig
 from boltpose.viewer.review import ReviewPage
 from boltpose.viewer.review_view import look_from
+from tests.support import browser as browser_support
 from tests.support import reman18
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-CHROMIUM = shutil.which("chromium")
+CHROMIUM = shutil.which(browser_support.CHROMIUM)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Debian's chromium is not installed")
-ARGUMENTS = (
-    "--headless=new", "--no-sandbox", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-)  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[playwright.Browser]:
     with playwright.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=list(ARGUMENTS))
+        chromium = driver.chromium.launch(
+            executable_path=CHROMIUM, args=list(browser_support.FLAGS)
+        )
         yield chromium
         chromium.close()
 
@@ -68,7 +66,6 @@ def wait_until(tab: playwright.Page, is_so: Callable[[], bool], what: str) -> No
     deadline = time.monotonic() + 60.0
     while not is_so():
         if time.monotonic() > deadline:
-            tab.screenshot(path="/tmp/p2/fail.png")
             pytest.fail(f"waited 60 s for {what}; the page says: {tab.inner_text('body')}")
         tab.wait_for_timeout(50)
 
