@@ -142,8 +142,8 @@ class Journal:
         with self._lock:
             unanswered = tuple(self._unanswered)
         self._write(
-            # mostly of no row: a database that can only be read says so all the same;
-            # whatever the row says: also an answer that was written down was not handed out
+            # Mostly there is no such row, but a database that can only be read says so all the same.
+            # A row may even be done: the loss came after it was written. It was not handed out.
             sql.update(REQUESTS)
             .where(REQUESTS.c.id.in_(unanswered))
             .values(
@@ -153,7 +153,7 @@ class Journal:
                 status=None,
                 reason=None,
                 error_code="journal_failed",
-                error="the end could not be written when it came; nothing was answered",
+                error="the journal could not be written when this ended; its client got no result",
             )
         )
         with self._lock:

@@ -241,7 +241,12 @@ class WorkerPool:
             if line:
                 answer = json.loads(line)
             if answer["event"] != "ready":
-                raise ServiceError(503, "not_ready", f"no worker could start: {answer['message']}")
+                raise ServiceError(
+                    503,
+                    "not_ready",
+                    f"no worker could start: {answer['message']}",
+                    retry_after_s=5,
+                )
         except BaseException as error:
             self.failure = str(error) or type(error).__name__
             await self._end(worker)
