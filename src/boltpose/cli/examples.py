@@ -1,7 +1,9 @@
-"""The examples of every command's help; a test parses each of them."""
+"""The examples of every command's help; a test runs each of them."""
 
 from __future__ import annotations
 
+REQUEST = "20260301T081502123456-1f2e3d4c"
+"""An id as `boltpose journal list` shows it."""
 EXAMPLES: dict[str, tuple[str, ...]] = {
     "locate": (
         "boltpose locate scan.zdf --prior motor.prior.npz --hand-eye hand_eye.yaml -o poses.json",
@@ -29,7 +31,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "report": ("boltpose report poses.json -o report.html",),
     "reproduce": (
-        "boltpose reproduce table2 --budget quick",
+        "boltpose reproduce table2 --budget quick --synthetic data/motors",
         "boltpose reproduce all --report-only",
     ),
     "serve": (
@@ -50,10 +52,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "prior review": ("boltpose prior review motor.prior.npz --by 'A. Smith'",),
     "journal list": ("boltpose journal list --data journal/",),
-    "journal show": ("boltpose journal show 42 --data journal/",),
-    "journal export": ("boltpose journal export 42 --data journal/ -o request_42",),
-    "journal replay": ("boltpose journal replay --data journal/",),
-    "journal report": ("boltpose journal report 42 --data journal/ -o request_42.html",),
+    "journal show": (f"boltpose journal show {REQUEST} --data journal/",),
+    "journal export": (f"boltpose journal export {REQUEST} --data journal/ -o request",),
+    "journal replay": ("boltpose journal replay --last 20 --data journal/",),
+    "journal report": (f"boltpose journal report {REQUEST} --data journal/ -o request.html",),
     "synth motors": ("boltpose synth motors -o data/motors -n 200 --workers 2",),
     "synth scenes": ("boltpose synth scenes -o data/scenes -n 20 --views 2 --preview",),
     "synth model": ("boltpose synth model motor.json -o my_motor",),
