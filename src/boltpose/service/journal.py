@@ -142,7 +142,7 @@ class Journal:
         with self._lock:
             unanswered = tuple(self._unanswered)
         self._write(
-            # Mostly there is no such row, but a database that can only be read says so all the same.
+            # Mostly there is no such row, but a database that can only be read says so even then.
             # A row may even be done: the loss came after it was written. It was not handed out.
             sql.update(REQUESTS)
             .where(REQUESTS.c.id.in_(unanswered))
