@@ -145,9 +145,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (BoltposeError, OSError, typer.TyperException) as error:
         return _tell(error_line(error), ExitCode.BAD_INPUT, given)
     except (KeyboardInterrupt, typer.Abort):
-        return _tell("interrupted", ExitCode.INTERRUPTED, given)
+        return _tell(OUTPUT.interruption, ExitCode.INTERRUPTED, given)
     except _TerminatedError:
         return _tell("terminated", ExitCode.TERMINATED, given)
+    if code == ExitCode.INTERRUPTED:  # what typer makes of Ctrl-C, without a word
+        return _tell(OUTPUT.interruption, ExitCode.INTERRUPTED, given)
     return code if isinstance(code, int) else ExitCode.OK
 
 

@@ -25,10 +25,13 @@ class Output:
     """Stdout is for one JSON document."""
     has_answered: bool = False
     """That document is out; an error after it goes to stderr only."""
+    interruption: str = "interrupted"
+    """What is said after Ctrl-C; long commands say here what they have kept."""
 
     def reset(self) -> None:
         """Talk as by default."""
         self.is_quiet = self.is_json = self.has_answered = False
+        self.interruption = "interrupted"
 
 
 OUTPUT = Output()

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import answer_console, answer_json, note, note_console
+from boltpose.cli.console import OUTPUT, answer_console, answer_json, note, note_console
 from boltpose.cli.outputs import check_output
 
 REPORT_SUFFIXES = (".md",)
@@ -66,6 +66,7 @@ def evaluate(
     from boltpose.evaluation.trust_report import draw_trust, trust_sections
 
     if not report_only:
+        OUTPUT.interruption = "interrupted; finished motors are kept, the same command goes on"
         run_evaluation(
             data, models, records, motors=motors, resume=not fresh, console=note_console()
         )

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import note
-from boltpose.cli.exit_codes import ExitCode
+from boltpose.cli.console import OUTPUT, note
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import PICTURE_SUFFIXES, check_folder, check_output
 from boltpose.errors import InputFileError, MissingExtraError
@@ -159,13 +158,8 @@ def reproduce(
             scenes_cache=scenes_cache or work / "cache_scenes",
             workers=workers,
         )
-        try:
-            _run(table.value, tables, sources, budget.value, out, work, only or [], redo=redo)
-        except KeyboardInterrupt:
-            typer.echo(
-                "boltpose: interrupted; finished runs are kept, the same command goes on", err=True
-            )
-            raise typer.Exit(ExitCode.INTERRUPTED) from None
+        OUTPUT.interruption = "interrupted; finished runs are kept, the same command goes on"
+        _run(table.value, tables, sources, budget.value, out, work, only or [], redo=redo)
     records = read_study_records(out)
     if not records:
         raise InputFileError(out, "no record of a run", "the folder reproduce wrote to")
@@ -191,15 +185,9 @@ def _reproduce_table1(
     out = out or Path("results") / FOLDER
     if not report_only:
         check_folder(out, "the records")
-        try:
-            with MotorProgress("table 1") as progress:
-                run_table1(data, (work or Path("runs")) / FOLDER, out, on_motor=progress.done)
-        except KeyboardInterrupt:
-            typer.echo(
-                "boltpose: interrupted; finished motors are kept, the same command goes on",
-                err=True,
-            )
-            raise typer.Exit(ExitCode.INTERRUPTED) from None
+        OUTPUT.interruption = "interrupted; finished motors are kept, the same command goes on"
+        with MotorProgress("table 1") as progress:
+            run_table1(data, (work or Path("runs")) / FOLDER, out, on_motor=progress.done)
     text = render_table1(out)
     if not text:
         raise InputFileError(out, "no record of a motor", "the folder reproduce table1 wrote to")

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from boltpose.cli.console import answer_json, answer_text, note
-from boltpose.cli.exit_codes import ExitCode
+from boltpose.cli.console import OUTPUT, answer_json, answer_text, note
 from boltpose.cli.outputs import check_folder
 
 if TYPE_CHECKING:
@@ -143,22 +142,17 @@ def _run(
         require_ray()  # now, not after the folder was made
         run_tasks = partial(run_on_cluster, address=cluster)
     progress = SampleProgress(str(settings.kind))
-    try:
-        with progress:
-            done = run_data_set(
-                output,
-                settings,
-                count,
-                make,
-                run_tasks,
-                on_start=progress.start,
-                on_sample=progress.advance,
-            )
-    except KeyboardInterrupt:
-        typer.echo(
-            "boltpose: interrupted; whole motors are kept, the same command goes on", err=True
+    OUTPUT.interruption = "interrupted; whole motors are kept, the same command goes on"
+    with progress:
+        done = run_data_set(
+            output,
+            settings,
+            count,
+            make,
+            run_tasks,
+            on_start=progress.start,
+            on_sample=progress.advance,
         )
-        raise typer.Exit(ExitCode.INTERRUPTED) from None
     if preview:
         from boltpose.synthesis.preview import write_previews
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from boltpose.cli.console import answer_json, note
+from boltpose.cli.console import OUTPUT, answer_json, note
 from boltpose.cli.outputs import check_folder
 from boltpose.cli.train_progress import TrainProgress
 from boltpose.errors import ConfigError, MissingExtraError
@@ -202,6 +202,7 @@ def _train(
             hardware=Hardware(accelerator=accelerator, devices=devices, nodes=nodes),
             **settings,
         )
+        OUTPUT.interruption = f"interrupted; the same command goes on in {job.out}"
         with TrainProgress() as progress:
             scores = run_job(motors, job, test=tested, on_progress=progress.step)
         if scores is not None:

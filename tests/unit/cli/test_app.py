@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 import os
 import shlex
 import subprocess
@@ -86,6 +87,9 @@ def test_ctrl_c_is_exit_130(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
     assert outcome.code == ExitCode.INTERRUPTED
     assert "Traceback" not in outcome.err
+    assert (outcome.out, outcome.err) == ("", "boltpose: interrupted\n")
+    document = json.loads(run("prior", "show", "p.npz", "--json").out)
+    assert document == {"error": {"message": "interrupted", "exit_code": 130}}
 
 
 def test_our_own_mistakes_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
