@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from boltpose.errors import InputFileError
 from boltpose.io.atomic import write_atomic
+from boltpose.io.guard import require_file
 from boltpose.schema import (
     BoltState,
     Check,
@@ -289,11 +290,9 @@ def read_poses(path: str | Path) -> PosesFile:
     Raises:
         InputFileError: The file is missing, no JSON, breaks the schema or was changed by hand.
     """
-    wanted = f"a file of schema {SCHEMA}"
+    wanted = f"a poses.json of `boltpose locate -o`, schema {SCHEMA}"
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputFileError(path, "no such file", wanted) from error
+        text = require_file(path, wanted).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise InputFileError(path, f"no readable text ({error})", wanted) from error
     try:

@@ -132,3 +132,15 @@ def test_a_service_that_was_killed_says_so_after_a_restart(tmp_path: Path) -> No
         assert again.wait(30) == 0
         assert again.stdout is not None
         again.stdout.close()
+
+
+def test_networks_that_are_none_are_told_before_a_folder_is_made(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "models").mkdir()
+    data = tmp_path / "data"
+
+    assert main(["serve", "--models", str(tmp_path / "models"), "--data", str(data)]) == 2
+
+    assert "models: found no network" in capfd.readouterr().err.strip("\n")
+    assert not data.exists()

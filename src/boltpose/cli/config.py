@@ -7,6 +7,7 @@ import os
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import urlsplit
 
 import typer
 
@@ -81,7 +82,7 @@ def show(config: ConfigOption = None, as_json: JsonOption = False) -> None:
         said = {} if cell.file is None else cell.file.tables.get(section, {})
         data[section] = {
             field.name: {
-                "value": _plain(getattr(settings, field.name)),
+                "value": _plain(field.name, getattr(settings, field.name)),
                 "from": "file" if field.name in said else "default",
             }
             for field in fields(kind)
@@ -134,9 +135,12 @@ def _print(cell: CellFile, findings: list[Finding]) -> None:
         console.print(finding.text, markup=False, soft_wrap=True)
 
 
-def _plain(value: Any) -> Any:
+def _plain(name: str, value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
+    if name == "database" and value is not None:
+        word = urlsplit(value).password  # what is shown is copied into mails
+        return value if word is None else value.replace(f":{word}@", ":***@")
     return list(value) if isinstance(value, tuple) else value
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import note, note_console
 from boltpose.cli.options import JsonOption, PriorArgument
 from boltpose.cli.outputs import PRIOR_SUFFIXES, check_output
 from boltpose.cli.prior_edit import ByOption, DateOption
@@ -68,7 +68,7 @@ def review(
         typer.echo(json.dumps({"prior": str(prior), "saved": saved, "unsaved_edits": unsaved}))
         return
     for path in dict.fromkeys(review_page.saved):
-        notes.print(f"wrote {path}", soft_wrap=True)
+        note(f"wrote {path}")
     if unsaved:
         notes.print(
             f"edits not saved: {unsaved}; the same command goes on with them", soft_wrap=True

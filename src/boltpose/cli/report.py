@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from boltpose.cli.console import note_console
+from boltpose.cli.console import note
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import REPORT_SUFFIXES, check_output, remove_stale
-from boltpose.errors import InputFileError
+from boltpose.io.guard import require_file
 
 
 def write_report_of(
@@ -35,8 +35,7 @@ def write_report_of(
     as_json: JsonOption = False,
 ) -> None:
     """Write one page about a result: verdict, pictures, bolts, scores; prints on one A4 sheet."""
-    if not poses.is_file():
-        raise InputFileError(poses, "no such file", "a poses.json of `boltpose locate -o`")
+    require_file(poses, "a poses.json of `boltpose locate -o`")
     target = output or poses.with_suffix(".html")
     check_output(target, REPORT_SUFFIXES, inputs=(poses, scan, prior))
 
@@ -50,4 +49,4 @@ def write_report_of(
     if as_json:
         typer.echo(json.dumps({"page": str(target), "status": saved.result.verdict.status}))
     else:
-        note_console().print(f"wrote {target}", soft_wrap=True)
+        note(f"wrote {target}")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from boltpose.cli.cell import ConfigOption, open_cell
-from boltpose.cli.console import answer_console, answer_json, note_console
+from boltpose.cli.console import answer_console, answer_json, note, note_console
 from boltpose.cli.options import ModelsOption
 
 if TYPE_CHECKING:
@@ -89,16 +89,17 @@ def serve(
         _change_keys(Path(settings.data), new_key, remove_key, wants_list=list_keys)
         return
 
+    from boltpose.segmentation.models import load_models
     from boltpose.service.serve import serve as run_service
 
+    # before a folder is made: a worker would find it out later, and in more words
+    load_models(None if settings.models is None else Path(settings.models))
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
 
     def on_ready(url: str) -> None:
         if not answer_json({"url": url}):
             typer.echo(f"boltpose serves {url}  (stop: Ctrl-C)")
-        note_console().print(
-            f"priors {settings.priors}, journal and inputs {settings.data}", soft_wrap=True
-        )
+        note(f"priors {settings.priors}, journal and inputs {settings.data}")
 
     run_service(settings, on_ready)
 

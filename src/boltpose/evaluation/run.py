@@ -190,6 +190,7 @@ def show_progress(
         TextColumn("{task.completed:.0f}/{task.total:.0f} motors"),
         TimeElapsedColumn(),
         console=console,
+        disable=not console.is_terminal,
     )
     with bar:
         task = bar.add_task("evaluate", total=total)

@@ -15,6 +15,7 @@ from boltpose.errors import BoltposeError, EmptyScanError, InputFileError
 from boltpose.geometry.point_pairs import PAIR_WORDS
 from boltpose.geometry.transforms import Transform
 from boltpose.io.atomic import write_atomic
+from boltpose.io.guard import require_file
 from boltpose.io.npz import refuse_huge_arrays
 from boltpose.prior.sketch import SKETCH_VERSION, PriorSketch, sketch_prior
 from boltpose.schema import Alignment, Part, Prior, PriorBolt, Side
@@ -118,7 +119,7 @@ def _read_archive(
 ) -> tuple[Mapping[str, Any], dict[str, np.ndarray[Any, Any]]]:
     """Header and those of the named arrays that are there; only they are unpacked."""
     try:
-        refuse_huge_arrays(Path(path))
+        refuse_huge_arrays(require_file(path, _WANTED))
         # a name is opened by us: numpy would leave it open when the archive is damaged
         with Path(path).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             if not isinstance(archive, np.lib.npyio.NpzFile) or "header" not in archive:
@@ -127,8 +128,6 @@ def _read_archive(
             arrays = {name: archive[name] for name in names if name in archive}
     except InputFileError:
         raise
-    except FileNotFoundError as error:
-        raise InputFileError(path, "no such file", _WANTED) from error
     except (
         OSError,
         ValueError,
@@ -143,7 +142,7 @@ def _read_archive(
         ) from error
     found = header.get("format") if isinstance(header, dict) else None
     if found != FORMAT:
-        raise InputFileError(path, f"format {found!r}", f"'{FORMAT}'")
+        raise InputFileError(path, f"format {found!r}", f"'{FORMAT}': build the prior again")
     return header, arrays
 
 

@@ -16,6 +16,7 @@ import threading
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from boltpose.errors import BoltposeError
 from boltpose.service.calls import BuildCall, LocateCall
 from boltpose.service.execute import Executor
 from boltpose.service.failures import ServiceError
@@ -39,7 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         executor = Executor(options.data, options.models, options.prior_memory_mb, options.work)
         executor.warm()
-    except ServiceError as error:
+    except BoltposeError as error:
         _send(answers, event="failed", status=500, code="not_ready", message=str(error))
         return 1
     except Exception as error:  # noqa: BLE001 - the service is told why, whatever it is

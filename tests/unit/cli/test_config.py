@@ -456,3 +456,17 @@ def test_a_file_of_notepad_is_read_and_a_backslash_is_explained(tmp_path: Path) 
     path.write_text('[locate]\nprior = "C:\\motors\\p.npz"\n')
     with pytest.raises(InputFileError, match="write paths with / or in 'single quotes'"):
         read_cell(path)
+
+
+def test_show_keeps_the_databases_password_to_itself(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = tmp_path / "boltpose.toml"
+    url = "postgresql+psycopg://robot:s3cret@cell/journal"
+    cell.write_text(f'[service]\ndatabase = "{url}"\n')
+
+    for more in ([], ["--json"]):
+        assert main(["config", "show", "--config", str(cell), *more]) == 0
+        shown = capsys.readouterr().out
+        assert "s3cret" not in shown
+        assert "postgresql+psycopg://robot:***@cell/journal" in shown
