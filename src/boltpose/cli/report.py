@@ -11,7 +11,6 @@ import typer
 from boltpose.cli.console import note
 from boltpose.cli.options import JsonOption
 from boltpose.cli.outputs import REPORT_SUFFIXES, check_output, remove_stale
-from boltpose.io.guard import require_file
 
 
 def write_report_of(
@@ -35,6 +34,8 @@ def write_report_of(
     as_json: JsonOption = False,
 ) -> None:
     """Write one page about a result: verdict, pictures, bolts, scores; prints on one A4 sheet."""
+    from boltpose.io.guard import require_file
+
     require_file(poses, "a poses.json of `boltpose locate -o`")
     target = output or poses.with_suffix(".html")
     check_output(target, REPORT_SUFFIXES, inputs=(poses, scan, prior))
